@@ -88,16 +88,18 @@ fn a_spectrum_is_that_of_the_program_to_the_bit() {
         let checked = ask(&mut engine, request("sample"));
         let file = sample::parse("page.toml", checked["toml"].as_str().unwrap()).unwrap();
         let expected = Simulation::of(&file).rays(512).seed(3).run().unwrap();
-        let mut walks = Vec::new();
+        let (mut walks, mut count) = (Vec::new(), 0);
+        // few walks have few index nodes, so that a worker may be left without one
         for worker in [2, 0, 1] {
             let mut request = request("walk");
             request["worker"] = json!(worker);
             request["workers"] = json!(3);
             // a worker of its own
             let (answer, data) = ask_with(&mut PageEngine::default(), &request, &[]);
-            assert!(answer["walks"].as_u64().unwrap() > 0, "{name}: {answer}");
+            count += answer["walks"].as_u64().unwrap();
             walks.extend(data);
         }
+        assert!(count > 0, "{name}");
         for walks in [&[][..], &walks] {
             let (answer, _) = ask_with(&mut engine, &request("simulate"), walks);
             let columns = [

@@ -21,6 +21,7 @@ use crate::measurement::Quantity;
 use crate::parameter::{Axes, Parameter};
 use crate::store::{COMPACT, DIFFUSE, Store, VIEWS, VIEWS_DIFFUSE, Variable};
 use crate::threads::threads;
+use crate::units::cm_text;
 
 /// The requested properties of a compact file.
 #[derive(Debug, Clone, PartialEq)]
@@ -419,7 +420,11 @@ fn query_command(store: &Store, request: &CompressionRequest, part: Part) -> Str
         let thin_count = store.absent().first().filter(|_| is_thickness);
         let first = values.get(thin_count.copied().unwrap_or_default());
         let first = first.copied().unwrap_or_default();
-        let _ = write!(command, " --{} {first}", parameter.record().option);
+        let text = match is_thickness {
+            true => cm_text(first),
+            false => first.to_string(),
+        };
+        let _ = write!(command, " --{} {text}", parameter.record().option);
     }
     let has_both = request.quantities.contains(&Quantity::Transmittance);
     let quantity = match (part.is_view, has_both) {

@@ -72,7 +72,8 @@ impl SampleRequest {
     }
 }
 
-/// Number of index nodes whose walks workers may share; 1 if the engine has none to share.
+/// Number of index nodes whose walks workers may share, fewer with few walks; 1 if the engine has
+/// none to share.
 fn index_nodes(file: &SampleFile) -> Result<usize, Refused> {
     let simulation = Simulation::of(file);
     match simulation.resolved() {

@@ -131,7 +131,7 @@ export interface SampleAnswer {
   /// Per layer from the base up: specific surface area, m2/kg, and optical radius, um, of all
   /// its grains together.
   layers: { ssa_m2_kg: number; optical_radius_um: number }[];
-  /// Number of index nodes, the units of work that workers share.
+  /// Number of index nodes, the units of work that workers share; fewer with few walks.
   nodes: number;
   /// Wavelengths, nm.
   wavelengths_nm: number[];

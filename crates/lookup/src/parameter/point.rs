@@ -2,6 +2,8 @@
 use std::fmt;
 use std::ops::Index;
 
+use splitsnow_spectra::units::HALF_SPACE_CM;
+
 use super::Parameter;
 
 /// Values of some parameters, in their units. A parameter without a value reads as NaN.
@@ -13,6 +15,8 @@ use super::Parameter;
 /// assert_eq!(point[Parameter::Density], 275.0);
 /// assert_eq!(point.get(Parameter::Thickness), None);
 /// assert_eq!(point.to_string(), "facetness 0.3, density 275 kg m-3");
+/// let half_space = Point::from([(Parameter::Thickness, 1e6)]);
+/// assert_eq!(half_space.to_string(), "thickness inf cm");
 /// ```
 #[derive(Clone, Copy)]
 pub struct Point([f64; Parameter::COUNT]);
@@ -128,6 +132,10 @@ impl fmt::Display for Point {
                 continue;
             };
             let record = parameter.record();
+            let value = match parameter == Parameter::Thickness && value >= HALF_SPACE_CM {
+                true => f64::INFINITY,
+                false => value,
+            };
             // to the digits of single precision
             write!(f, "{separator}{} {}", record.label, value as f32)?;
             match record.unit {
