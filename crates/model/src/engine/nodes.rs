@@ -33,16 +33,21 @@ impl Spacing {
         distance: 0.027,
         deviation: 4e-3,
     };
-    /// Number of walks of `hybrid` whose noise [`Self::FINE`] goes with.
-    const FINE_WALKS: f64 = 131_072.0;
+    /// Number of walks of `hybrid` from which on nodes are [`Self::FINE`].
+    const FINE_WALKS: u64 = 65_536;
+    /// Number of walks whose noise goes with the error of [`Self::FINE`].
+    const EQUAL_WALKS: f64 = 131_072.0;
     /// Largest factor of the error of [`Self::FINE`].
     const MOST_ERROR: f64 = 9.0;
 
     /// For R and T by `hybrid` with `walks` walks: the error grows as the noise does when there are
     /// fewer than [`Self::FINE_WALKS`].
     pub(super) fn of_walks(walks: u64) -> Self {
-        let error = (Self::FINE_WALKS / walks as f64).sqrt();
-        let error = error.clamp(1.0, Self::MOST_ERROR);
+        if walks >= Self::FINE_WALKS {
+            return Self::FINE;
+        }
+        let error = (Self::EQUAL_WALKS / walks as f64).sqrt();
+        let error = error.min(Self::MOST_ERROR);
         Self {
             distance: Self::FINE.distance * error.sqrt(),
             deviation: Self::FINE.deviation * error,
@@ -215,7 +220,7 @@ mod tests {
         let count = |walks| nodes(&indices, false, Spacing::of_walks(walks)).len();
         // intervals of at most .0135, of twice and of three times that
         let many = nodes(&indices, false, Spacing::FINE).len();
-        assert_eq!([u64::MAX, 131_072].map(count), [many; 2]);
+        assert_eq!([u64::MAX, 65_536].map(count), [many; 2]);
         assert_eq!([many, count(8192), count(1)], [9, 5, 4]);
     }
 }
