@@ -29,7 +29,7 @@ pub const RAYS: u64 = 131_072;
 const FIRST_RAYS: u64 = 4096;
 /// Most walks of [`Simulation::run_to_error`].
 const MOST_RAYS: u64 = 1 << 26;
-/// Walks to add to the number expected, since standard errors have errors themselves.
+/// Factor of the number of walks expected, since standard errors have errors themselves.
 const MARGIN: f64 = 1.1;
 
 /// A simulation of the reflectance and transmittance of one snowpack under one illumination.
@@ -250,7 +250,9 @@ impl<'a> Simulation<'a> {
                 return Ok((simulation, spectrum));
             }
             let steps = simulation.rays as f64 * MARGIN * excess * excess / FIRST_RAYS as f64;
-            simulation.rays = (FIRST_RAYS * steps.ceil() as u64).min(MOST_RAYS);
+            // floats, which do not overflow however small the error asked
+            let rays = FIRST_RAYS as f64 * steps.ceil();
+            simulation.rays = rays.min(MOST_RAYS as f64) as u64;
         }
     }
 }
