@@ -8,7 +8,10 @@
 //! layout is its own mirror image in the plane of incidence.
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
-use crate::math::Vec3;
+use splitsnow_spectra::simd::{F64x8, Portable, Simd};
+
+use crate::math::{Vec3, Vec3x8};
+use crate::table::lanes as set_lanes;
 
 /// Largest number of sensors per hemisphere.
 pub const MOST_SENSORS: usize = 100_000;
@@ -30,30 +33,27 @@ pub struct Sensors {
     ring_of: Vec<u32>,
 }
 
-/// Angle of (x, |y|) from the x axis, in [0, pi]; absolute error below 1e-9.
+/// Angles of (x, |y|) from the x axis, in [0, pi]; absolute error below 1e-9.
 #[inline(always)]
-fn half_turn(x: f64, y: f64) -> f64 {
+fn half_turns<S: Simd>(x: F64x8<S>, y: F64x8<S>) -> F64x8<S> {
     const TAN_PI_8: f64 = 0.414_213_562_373_095_03;
     let (a, b) = (x.abs(), y.abs());
-    let (low, high) = (a.min(b), a.max(b).max(f64::MIN_POSITIVE));
-    let t = low / high;
-    let (t, base) = if t > TAN_PI_8 {
-        ((low - high) / (low + high), FRAC_PI_4)
-    } else {
-        (t, 0.0)
-    };
+    let (low, high) = (a.min(b), a.max(b).max(F64x8::splat(f64::MIN_POSITIVE)));
+    // low / high, turned back by 45 degrees if it is larger than tan 22.5 degrees
+    let turned = low.gt(F64x8::splat(TAN_PI_8) * high);
+    let t = turned.select(low - high, low) / turned.select(low + high, high);
     let u = t * t;
-    let mut p = -1.0 / 19.0;
+    let mut p = F64x8::splat(-1.0 / 19.0);
     for (k, odd) in [17.0, 15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0, 1.0]
         .into_iter()
         .enumerate()
     {
         let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
-        p = p * u + sign / odd;
+        p = p * u + F64x8::splat(sign / odd);
     }
-    let angle = base + p * t;
-    let angle = if b > a { FRAC_PI_2 - angle } else { angle };
-    if x < 0.0 { PI - angle } else { angle }
+    let angle = p * t + turned.select(F64x8::splat(FRAC_PI_4), F64x8::ZERO);
+    let angle = b.gt(a).select(F64x8::splat(FRAC_PI_2) - angle, angle);
+    x.lt(F64x8::ZERO).select(F64x8::splat(PI) - angle, angle)
 }
 
 impl Sensors {
@@ -138,12 +138,24 @@ impl Sensors {
     /// incidence, whichever has y >= 0.
     #[inline(always)]
     pub(crate) fn folded(&self, direction: Vec3) -> usize {
-        let position = (1.0 - direction.z.abs()) * self.len() as f64;
-        let ring = self.ring_of[(position as usize).min(self.len() - 1)];
-        let Ring { first, count } = self.rings[ring as usize];
-        let turns = half_turn(direction.x, direction.y) * (1.0 / TAU);
-        let cell = (turns * count as f64 + 0.5) as usize;
-        first + cell.min(count / 2)
+        let [x, y, z] = [direction.x, direction.y, direction.z].map(F64x8::<Portable>::splat);
+        self.folded_lanes(&Vec3x8 { x, y, z }, 1)[0]
+    }
+
+    /// [`Sensors::folded`] of those of eight directions whose bits are set in `lanes`.
+    #[inline(always)]
+    pub(crate) fn folded_lanes<S: Simd>(&self, direction: &Vec3x8<S>, lanes: u32) -> [usize; 8] {
+        let turns = half_turns(direction.x, direction.y) * F64x8::splat(1.0 / TAU);
+        let positions = (F64x8::ONE - direction.z.abs()) * F64x8::splat(self.len() as f64);
+        let mut sensors = [0; 8];
+        for lane in set_lanes(lanes) {
+            let position = positions.as_array()[lane] as usize;
+            let ring = self.ring_of[position.min(self.len() - 1)];
+            let Ring { first, count } = self.rings[ring as usize];
+            let cell = (turns.as_array()[lane] * count as f64 + 0.5) as usize;
+            sensors[lane] = first + cell.min(count / 2);
+        }
+        sensors
     }
 
     /// The mirror image of `sensor` in the plane of incidence.
@@ -232,14 +244,16 @@ mod tests {
     }
 
     #[test]
-    fn half_turn_is_the_angle() {
+    fn half_turns_are_angles() {
         for i in 0..=20_000 {
             let angle = PI * f64::from(i) / 20_000.0;
             for y in [libm::sin(angle), -libm::sin(angle)] {
-                let ours = half_turn(libm::cos(angle), y);
+                let [cos, y] = [libm::cos(angle), y].map(F64x8::<Portable>::splat);
+                let [ours, ..] = half_turns(cos, y).to_array();
                 assert!((ours - angle).abs() < 1e-8, "{angle} {ours}");
             }
         }
-        assert_eq!(half_turn(0.0, 0.0), 0.0);
+        let zero = F64x8::<Portable>::ZERO;
+        assert_eq!(half_turns(zero, zero), zero);
     }
 }

@@ -23,7 +23,7 @@ pub use slab::TableWalker;
 pub use snowpack::{TableLayer, TableSnowpack};
 
 /// The lanes set in a mask.
-fn lanes(mut mask: u32) -> impl Iterator<Item = usize> {
+pub(crate) fn lanes(mut mask: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let lane = mask.trailing_zeros() as usize;
         mask &= mask.wrapping_sub(1);

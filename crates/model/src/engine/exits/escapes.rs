@@ -1,6 +1,8 @@
 //! Scores on sensors the light that leaves the snowpack from every grain event.
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use splitsnow_spectra::simd::{F64x8, Simd};
+
 use super::counting::DirectionBins;
 use super::parts::{self, PartScores};
 use super::{ExitScene, Exits, IndexNode, at_nodes};
@@ -8,7 +10,7 @@ use crate::engine::envelope::{MIN_FITTING_ENTRIES, most_deg};
 use crate::engine::spectral::DEFERRED;
 use crate::engine::{Engine, EngineError, Request, coefficients, engine_error, indices};
 use crate::grain::{GrainType, Surface};
-use crate::math::Vec3;
+use crate::math::Vec3x8;
 use crate::measurement::Sensors;
 use crate::table::{EscapeBand, EscapeSink, EscapeTable, EscapeWalker, draw, draw_reflected};
 use crate::transport::{Absorption, Coefficients, Illumination};
@@ -74,13 +76,22 @@ struct SensorScores<'a> {
 
 impl EscapeSink for SensorScores<'_> {
     #[inline(always)]
-    fn catch(&mut self, direction: Vec3, chance: f64, weights: &[f64]) {
-        let bands = weights.len();
-        let side = usize::from(direction.z > 0.0) * self.sensors.len();
-        let row = (side + self.sensors.folded(direction)) * bands;
-        let sums = self.part.sums[row..row + bands].iter_mut();
-        sums.zip(weights)
-            .for_each(|(sum, weight)| *sum += chance * weight);
+    fn bins<S: Simd>(&self, direction: &Vec3x8<S>, lanes: u32) -> [usize; 8] {
+        let mut bins = self.sensors.folded_lanes(direction, lanes);
+        for (bin, z) in bins.iter_mut().zip(direction.z.as_array()) {
+            *bin += usize::from(*z > 0.0) * self.sensors.len();
+        }
+        bins
+    }
+
+    #[inline(always)]
+    fn catch<S: Simd>(&mut self, bin: usize, chance: f64, weights: &[F64x8<S>]) {
+        let bands = 8 * weights.len();
+        let row = bin * bands;
+        let (groups, _) = self.part.sums[row..row + bands].as_chunks_mut();
+        for (sums, weight) in groups.iter_mut().zip(weights) {
+            *sums = (F64x8::new(*sums) + F64x8::splat(chance) * *weight).to_array();
+        }
     }
 
     fn lost(&mut self) {
@@ -118,7 +129,9 @@ fn walk(
     };
     let (h, thickness_m) = scene.thickness;
     let (tracers, layers) = (request.tracers(), scene.snowpack.layers(thickness_m));
-    parts::run(scene, bins, bands.len(), |part, rays| {
+    // scores come in groups of eight bands
+    let padded = bands.len().next_multiple_of(8);
+    let mut exits = parts::run(scene, bins, padded, |part, rays| {
         let tables = tables(scene, &node, part, rays);
         let walker = EscapeWalker::new(
             &layers,
@@ -129,7 +142,7 @@ fn walk(
         );
         let mut scores = SensorScores {
             sensors: bins.sensors(),
-            part: PartScores::empty(bins, bands.len()),
+            part: PartScores::empty(bins, padded),
             cancel: scene.control.cancel,
         };
         let rng = parts::stream(scene, [10, h as u32, node.number as u32], part);
@@ -137,7 +150,9 @@ fn walk(
             .walk(scene.illumination(), rays, rng, &mut scores)
             .map_err(|error| engine_error(request, error))?;
         Ok(scores.part)
-    })
+    })?;
+    exits.truncate(bands.len());
+    Ok(exits)
 }
 
 /// Tables of part number `part`, which has `rays` walks, for every grain type in every layer, in

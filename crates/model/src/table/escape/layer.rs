@@ -1,7 +1,9 @@
 //! A layer of a snowpack with the outcomes of its grains.
-use crate::transport::{Layer, Model, TRACERS, Tracers};
+use splitsnow_spectra::simd::{F64x8, Simd};
 
+use super::bands::lanes;
 use super::{EscapeBand, EscapeTable};
+use crate::transport::{Layer, Model, TRACERS, Tracers};
 
 /// Grains of one type, with outcomes in air and in water.
 #[derive(Debug)]
@@ -24,9 +26,9 @@ pub(super) struct EscapeLayer<'a> {
     pub(super) in_ice: [f64; TRACERS],
     pub(super) in_pores: [f64; TRACERS],
     /// Absorption coefficient of its ice per band, 1/m.
-    pub(super) ice_per_m: Vec<f64>,
+    pub(super) ice_per_m: Vec<F64x8>,
     /// Absorption coefficient of its pores per band, filled with air and with water, 1/m.
-    pub(super) pores_per_m: [Vec<f64>; 2],
+    pub(super) pores_per_m: [Vec<F64x8>; 2],
 }
 
 impl<'a> EscapeLayer<'a> {
@@ -46,7 +48,7 @@ impl<'a> EscapeLayer<'a> {
                 .map(|(factor, per_m)| factor * per_m)
                 .sum()
         };
-        let per_band = |f: &dyn Fn(&EscapeBand) -> f64| bands.iter().map(f).collect();
+        let per_band = |f: &dyn Fn(&EscapeBand) -> f64| lanes(bands, f);
         let mut cumulative = 0.0;
         let grains = snow
             .meeting_shares()
@@ -77,5 +79,14 @@ impl<'a> EscapeLayer<'a> {
                 per_band(&|b| b.coefficients.water_per_m + impurities(b, &in_pores)),
             ],
         }
+    }
+
+    /// Length of its part of the vertical from the depths `z_m` to the upper plane of the snowpack
+    /// or, where `down` is set, to the lower one.
+    #[inline(always)]
+    pub(super) fn part_m<S: Simd>(&self, z_m: F64x8<S>, down: F64x8<S>) -> F64x8<S> {
+        let [top, base] = [self.top_m, self.base_m].map(F64x8::splat);
+        let part = down.select(base - z_m, z_m - top);
+        part.max(F64x8::ZERO).min(base - top)
     }
 }

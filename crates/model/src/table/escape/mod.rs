@@ -9,23 +9,27 @@
 //! the planes, the ray would leave it in some direction, and its next flight leaves the
 //! snowpack with probability exp(-tau). This probability is scored in that direction. The
 //! sum over the flights of a walk has the same mean as a count of the flights that do
-//! leave. Flights that are drawn again because a grain did not fit are counted by a trial
-//! at every score. No outcome is tilted, moved or replaced, so the only error of the
-//! estimate is that of the table of outcomes.
+//! leave. Flights that are drawn again because a grain did not fit count with their
+//! probability, which is tabulated (module `rejections`). No outcome is tilted, moved or
+//! replaced, so the only errors of the estimate are those of its tables.
+mod bands;
 mod layer;
 mod outcomes;
+mod rejections;
 mod supply;
 mod walk;
 
 use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, dispatch};
 
-use crate::math::Vec3;
+use crate::math::Vec3x8;
 use crate::rng::Stream;
 use crate::transport::{
     Absorption, Coefficients, Entry, Illumination, Layer, Model, TRACERS, Tracers, WalkError,
 };
+use bands::BandLanes;
 use layer::EscapeLayer;
 pub use outcomes::EscapeTable;
+use rejections::Rejections;
 use supply::Supply;
 use walk::EscapeWalk;
 
@@ -34,9 +38,13 @@ const RAYS_BETWEEN_CHECKS: u64 = 64;
 
 /// Receives the escaping light.
 pub trait EscapeSink {
-    /// Light leaves along the unit vector `direction` (upward if z < 0), with `chance` times
-    /// these weights per wavelength.
-    fn catch(&mut self, direction: Vec3, chance: f64, weights: &[f64]);
+    /// The bins of those of eight directions whose bits are set in `lanes`: unit vectors that point
+    /// upward if z < 0.
+    fn bins<S: Simd>(&self, direction: &Vec3x8<S>, lanes: u32) -> [usize; 8];
+
+    /// Light leaves in a bin, with `chance` times these weights per band, in groups of eight. In
+    /// the last group, the last band is repeated.
+    fn catch<S: Simd>(&mut self, bin: usize, chance: f64, weights: &[F64x8<S>]);
 
     /// A ray reached an event limit.
     fn lost(&mut self);
@@ -81,11 +89,12 @@ impl<C: EscapeSink> SimdKernel for Walking<'_, C> {
 pub struct EscapeWalker<'a> {
     /// From the surface down.
     layers: Vec<EscapeLayer<'a>>,
+    rejections: Rejections,
     thickness_m: f64,
     wet: bool,
     absorbing_pores: bool,
     absorption: Absorption,
-    bands: &'a [EscapeBand],
+    bands: Vec<BandLanes>,
     entry: Entry,
     /// Probability of being reflected by the substrate: the largest of all bands.
     bounce: f64,
@@ -99,7 +108,7 @@ impl<'a> EscapeWalker<'a> {
         layers: &[Layer],
         tables: &'a [Vec<[EscapeTable; 2]>],
         (tracers, model): (&Tracers, &Model),
-        bands: &'a [EscapeBand],
+        bands: &[EscapeBand],
         absorption: Absorption,
     ) -> Self {
         let mut top_m = 0.0;
@@ -116,9 +125,10 @@ impl<'a> EscapeWalker<'a> {
             thickness_m: top_m,
             wet,
             absorbing_pores: wet || sooty,
+            rejections: Rejections::new(&prepared, top_m),
             layers: prepared,
             absorption,
-            bands,
+            bands: BandLanes::all(bands, bounce),
             entry: model.entry,
             bounce,
         }
@@ -156,11 +166,11 @@ impl<'a> EscapeWalker<'a> {
         let mut walk = EscapeWalk {
             walker: self,
             random: Supply::new(rng),
-            base: vec![0.0; bands],
+            base: vec![F64x8::ZERO; bands],
             copies: 1.0,
-            weights: vec![0.0; bands],
-            left: vec![0.0; bands],
-            fadings: vec![F64x8::ZERO; bands],
+            weights: vec![F64x8::ZERO; bands],
+            left: vec![F64x8::ZERO; bands],
+            crossed_m: vec![F64x8::ZERO; self.layers.len()],
             sink,
         };
         for ray in 0..rays {
@@ -194,13 +204,10 @@ impl<'a> EscapeWalker<'a> {
         down: F64x8<S>,
         per_m: impl Fn(&EscapeLayer) -> f64,
     ) -> F64x8<S> {
-        let zero = F64x8::ZERO;
-        let mut sum = zero;
+        // a loop, since a closure may be compiled without the instruction set
+        let mut sum = F64x8::ZERO;
         for layer in &self.layers {
-            let [top, base] = [layer.top_m, layer.base_m].map(F64x8::splat);
-            let part = down.select(base - z_m, z_m - top);
-            let part = part.max(zero).min(base - top);
-            sum += part * F64x8::splat(per_m(layer));
+            sum += layer.part_m(z_m, down) * F64x8::splat(per_m(layer));
         }
         sum
     }

@@ -1,8 +1,9 @@
 //! The walks of [`EscapeWalker`], one after another.
+use splitsnow_spectra::elementary::exp_neg_single;
 use splitsnow_spectra::simd::{F64x8, Simd, Task};
 
 use crate::grain::{Bodies, Down};
-use crate::math::{Real, Vec3, Vec3x8, exp_neg};
+use crate::math::{Real, Vec3x8, exp_neg};
 use crate::table::{PackedTable, lanes as set_lanes};
 use crate::transport::{EVENT_LIMIT, Path, REJECTION_LIMIT, WalkError, diffuse_cosine};
 
@@ -19,9 +20,6 @@ const OUTCOMES_AT_PLANE: [f64; 2] = [8.0, 24.0];
 /// Factor of these numbers for a ray that has not been in ice. It is bright at all wavelengths,
 /// and at the most absorbed ones hardly any other light leaves.
 const FRESH_FACTOR: f64 = 4.0;
-/// The flights drawn again in place of a scored one are simulated with this factor times
-/// the probability that it leaves.
-const TRIAL_FACTOR: f64 = 8.0;
 /// Number of events after which half of the walks end, and the others count double. Light that was
 /// scattered so often leaves in nearly the same way whatever the walk, so that fewer walks do.
 const FIRST_ROULETTE: u64 = 100;
@@ -53,16 +51,16 @@ struct Ray {
 pub(super) struct EscapeWalk<'w, S: Simd, C> {
     pub(super) walker: &'w EscapeWalker<'w>,
     pub(super) random: Supply<S>,
-    /// Weight of the ray in each band at its last grain.
-    pub(super) base: Vec<f64>,
+    /// Weight of the ray in each band at its last grain, in groups of eight bands.
+    pub(super) base: Vec<F64x8<S>>,
     /// Number of walks that this one stands for.
     pub(super) copies: f64,
     /// Weight of a scored ray in each band.
-    pub(super) weights: Vec<f64>,
+    pub(super) weights: Vec<F64x8<S>>,
     /// The same on one lane, less what the pores absorb.
-    pub(super) left: Vec<f64>,
-    /// What the pores leave in each band.
-    pub(super) fadings: Vec<F64x8<S>>,
+    pub(super) left: Vec<F64x8<S>>,
+    /// Path of the last flight in each layer.
+    pub(super) crossed_m: Vec<F64x8<S>>,
     pub(super) sink: &'w mut C,
 }
 
@@ -85,11 +83,11 @@ impl CandidateGrain {
 /// The frame of outcomes, rotated about a ray: the vertical components of unit vectors
 /// along the ray and across it, and the rotation.
 #[derive(Clone, Copy)]
-struct RayFrame<R> {
-    along: R,
-    across: R,
-    cos: R,
-    sin: R,
+pub(super) struct RayFrame<R> {
+    pub(super) along: R,
+    pub(super) across: R,
+    pub(super) cos: R,
+    pub(super) sin: R,
 }
 
 impl<R: Real> Down<R> for RayFrame<R> {
@@ -99,12 +97,15 @@ impl<R: Real> Down<R> for RayFrame<R> {
     }
 }
 
-/// exp(-x) for x >= 0.
+/// Optical depth from which on [`exp`] counts as 0.
+const DARK: f64 = 87.0;
+
+/// exp(-x) for x >= 0 in single precision, which is far below the noise of scores.
 #[inline(always)]
-fn exp<S: Simd>(x: F64x8<S>) -> F64x8<S> {
+pub(super) fn exp<S: Simd>(x: F64x8<S>) -> F64x8<S> {
     let mut values = x.to_array();
     for value in &mut values {
-        *value = exp_neg(*value);
+        *value = f64::from(exp_neg_single(*value as f32));
     }
     F64x8::new(values)
 }
@@ -128,18 +129,6 @@ impl<S: Simd, C: EscapeSink> Task for FlyTask<'_, '_, S, C> {
     #[inline(always)]
     fn perform(self) -> bool {
         self.0.fly_inlined(self.1, self.2, self.3)
-    }
-}
-
-/// [`EscapeWalk::rejections`] as a SIMD task.
-struct RejectionsTask<'a, 'w, S: Simd, C>(&'a mut EscapeWalk<'w, S, C>, &'a Ray);
-
-impl<S: Simd, C: EscapeSink> Task for RejectionsTask<'_, '_, S, C> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn perform(self) -> f64 {
-        self.0.rejections_inlined(self.1)
     }
 }
 
@@ -331,29 +320,6 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
         Some(grain)
     }
 
-    /// Number of consecutive flights from `start` that are drawn again because their grains
-    /// do not fit.
-    #[inline(always)]
-    fn rejections(&mut self, start: &Ray) -> f64 {
-        S::outlined(RejectionsTask(self, start))
-    }
-
-    #[inline(always)]
-    fn rejections_inlined(&mut self, start: &Ray) -> f64 {
-        for rejections in 0..REJECTION_LIMIT {
-            let mut ray = *start;
-            let tau = self.random.exponential();
-            if !self.fly(&mut ray, 1.0, tau) {
-                return f64::from(rejections);
-            }
-            let kind = self.kind(ray.layer);
-            if self.grain(&ray, kind.tables[0], kind.size_m).is_some() {
-                return f64::from(rejections);
-            }
-        }
-        f64::from(REJECTION_LIMIT)
-    }
-
     /// Draws the type of the next grain in a layer.
     #[inline(always)]
     fn kind(&mut self, layer: usize) -> &'w EscapeKind<'w> {
@@ -419,6 +385,7 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
         } else {
             1.0
         };
+        let mut is_weighed = false;
         for ((table, rows, chance), at_plane) in table.groups().into_iter().zip(OUTCOMES_AT_PLANE) {
             if rows.is_empty() {
                 continue;
@@ -433,19 +400,22 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
             };
             // the probability of these outcomes, over the expected number of rays
             let share = chance / (8.0 * expected);
-            self.base(&ray.path, *survived, share);
+            if !is_weighed {
+                self.base(&ray.path, *survived);
+                is_weighed = true;
+            }
             let first = self.random.uniform();
             for i in 0..count as u32 {
                 let place = (f64::from(i) + first) / count * rows.len() as f64;
                 let row = rows.start + (place as usize).min(rows.len() - 1);
-                self.outcome(encounter, table, row);
+                self.outcome(encounter, table, row, share);
             }
         }
     }
 
-    /// Scores the light that would leave after one outcome, at eight azimuths.
+    /// Scores `share` of the light that would leave after one outcome, at eight azimuths.
     #[inline(always)]
-    fn outcome(&mut self, encounter: &Encounter, table: &PackedTable, row: usize) {
+    fn outcome(&mut self, encounter: &Encounter, table: &PackedTable, row: usize, share: f64) {
         let Encounter {
             ray,
             layer,
@@ -499,15 +469,15 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
             .iter_mut()
             .zip(self.base.iter().zip(&layer.ice_per_m))
         {
-            *weight = base * exp_neg(per_m * ice_m);
+            *weight = *base * exp(per_m.on() * F64x8::splat(ice_m));
         }
-        self.escape(fits, z_m, &direction, medium, true);
+        self.escape(fits, z_m, &direction, medium, Some(share));
     }
 
     /// Scores the probability that the current flight leaves the snowpack.
     #[inline(always)]
     fn leave(&mut self, ray: &Ray, medium: f64, survived: f64) {
-        self.base(&ray.path, survived, 1.0);
+        self.base(&ray.path, survived);
         self.weights.copy_from_slice(&self.base);
         let first_lane = F64x8::new([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).gt(F64x8::ZERO);
         let [hx, hy] = ray.heading;
@@ -516,26 +486,27 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
             y: F64x8::splat(ray.across * hy),
             z: F64x8::splat(ray.mu),
         };
-        self.escape(first_lane, F64x8::splat(ray.z_m), &direction, medium, false);
+        self.escape(first_lane, F64x8::splat(ray.z_m), &direction, medium, None);
     }
 
-    /// Weights, times `share`, of a ray that met its grain after `path` and was not absorbed
-    /// up to the smallest optical depth `survived`.
+    /// Weights of a ray that met its grain after `path` and was not absorbed up to the smallest
+    /// optical depth `survived`.
     #[inline(always)]
-    fn base(&mut self, path: &Path, survived: f64, share: f64) {
+    fn base(&mut self, path: &Path, survived: f64) {
         let walker = self.walker;
         let compensated = (survived - walker.absorption.deferred).max(0.0);
-        for (base, band) in self.base.iter_mut().zip(walker.bands) {
-            *base = self.copies * share * exp_neg(band.coefficients.depth(path) - compensated);
+        let [copies, compensated] = [self.copies, compensated].map(F64x8::splat);
+        for (base, bands) in self.base.iter_mut().zip(&walker.bands) {
+            *base = copies * exp(bands.depth(path) - compensated);
             for _ in 0..path.bounces {
-                *base *= band.reflected / walker.bounce;
+                *base *= bands.kept.on();
             }
         }
     }
 
     /// Scores `weights` times the probability of leaving from depths `z_m` along `direction`
-    /// on the given lanes: the probability of the next flight or, if `in_all`, of the next
-    /// flight and all flights drawn in its place.
+    /// on the given lanes: the probability of the next flight or, with the `share` of one outcome
+    /// in all of them, of the next flight and all flights drawn in its place.
     #[inline(always)]
     fn escape(
         &mut self,
@@ -543,59 +514,55 @@ impl<'w, S: Simd, C: EscapeSink> EscapeWalk<'w, S, C> {
         z_m: F64x8<S>,
         direction: &Vec3x8<S>,
         medium: f64,
-        in_all: bool,
+        share: Option<f64>,
     ) {
         let walker = self.walker;
         let down = direction.z.gt(F64x8::ZERO);
         let secant = F64x8::ONE / direction.z.abs().max(F64x8::splat(1e-12));
-        let tau = secant * walker.vertical(z_m, down, |s| 1.0 / s.mean_free_distance_m);
-        let mut chance = exp(tau);
-        let lanes = (lanes & chance.gt(F64x8::ZERO)).to_bitmask();
-        if in_all {
-            for lane in set_lanes(lanes) {
-                // done rarely where little light leaves, and compensated for
-                let tried = (TRIAL_FACTOR * chance.as_array()[lane]).min(1.0);
-                if tried < 1.0 && self.random.uniform() >= tried {
-                    continue;
-                }
-                let (z_m, mu) = (z_m.as_array()[lane], direction.z.as_array()[lane]);
-                let start = Ray {
-                    z_m,
-                    mu,
-                    across: (1.0 - mu * mu).max(0.0).sqrt(),
-                    heading: [1.0, 0.0],
-                    path: Path::default(),
-                    layer: walker.layer_at(z_m),
-                };
-                chance.as_mut_array()[lane] *= 1.0 + self.rejections(&start) / tried;
-            }
+        let tau = walker.vertical(z_m, down, |s| 1.0 / s.mean_free_distance_m);
+        let depth = secant * tau;
+        let mut chance = exp(depth);
+        let lanes = (lanes & depth.lt(F64x8::splat(DARK))).to_bitmask();
+        if let Some(share) = share {
+            let again = walker.rejections.chance(z_m, direction.z, tau, lanes);
+            chance = chance * F64x8::splat(share) / (F64x8::ONE - again);
         }
         if walker.absorbing_pores {
-            for (l, fading) in self.fadings.iter_mut().enumerate() {
-                let per_m =
-                    |s: &EscapeLayer| s.pores_per_m[usize::from(medium < s.water_saturation)][l];
-                *fading = exp(secant * walker.vertical(z_m, down, per_m));
+            for (crossed_m, layer) in self.crossed_m.iter_mut().zip(&walker.layers) {
+                *crossed_m = secant * layer.part_m(z_m, down);
             }
         }
-        let [x, y, z] = [direction.x, direction.y, direction.z].map(F64x8::to_array);
+        let bins = self.sink.bins(direction, lanes);
         for lane in set_lanes(lanes) {
-            let direction = Vec3::new(x[lane], y[lane], z[lane]);
-            let chance = chance.as_array()[lane];
-            let down = direction.z > 0.0;
+            let (bin, chance) = (bins[lane], chance.as_array()[lane]);
+            let down = direction.z.as_array()[lane] > 0.0;
             if !down && !walker.absorbing_pores {
-                self.sink.catch(direction, chance, &self.weights);
+                self.sink.catch(bin, chance, &self.weights);
                 continue;
             }
             self.left.copy_from_slice(&self.weights);
             if down {
-                let pairs = self.left.iter_mut().zip(walker.bands);
-                pairs.for_each(|(weight, band)| *weight *= band.transmitted);
+                for (weight, bands) in self.left.iter_mut().zip(&walker.bands) {
+                    *weight *= bands.transmitted.on();
+                }
             }
             if walker.absorbing_pores {
-                let pairs = self.left.iter_mut().zip(&self.fadings);
-                pairs.for_each(|(weight, fading)| *weight *= fading.as_array()[lane]);
+                self.fade(lane, medium);
             }
-            self.sink.catch(direction, chance, &self.left);
+            self.sink.catch(bin, chance, &self.left);
+        }
+    }
+
+    /// Reduces the weights that are left by what the pores along the flight of a lane absorb.
+    #[inline(always)]
+    fn fade(&mut self, lane: usize, medium: f64) {
+        for (group, weight) in self.left.iter_mut().enumerate() {
+            let mut depth = F64x8::ZERO;
+            for (crossed_m, layer) in self.crossed_m.iter().zip(&self.walker.layers) {
+                let per_m = &layer.pores_per_m[usize::from(medium < layer.water_saturation)];
+                depth += F64x8::splat(crossed_m.as_array()[lane]) * per_m[group].on();
+            }
+            *weight *= exp(depth);
         }
     }
 }
