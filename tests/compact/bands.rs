@@ -200,7 +200,7 @@ fn wide_spectra_keep_their_bounds_in_every_band() {
 
 /// The same bounds for simulated snow.
 #[test]
-#[ignore = "long: tables of four snows at 216 wavelengths, about 31 CPU-s"]
+#[ignore = "long: tables of four snows at 216 wavelengths, about 21 CPU-s"]
 fn simulated_wide_spectra_keep_their_bounds_in_every_band() {
     let root = tempfile::tempdir().unwrap();
     let dir = root.path().join("long");
