@@ -5,6 +5,15 @@ use std::ops::{Add, Mul};
 
 use splitsnow_spectra::simd::{F64x8, Portable, Simd};
 
+/// The lanes whose bits are set in a mask.
+pub(crate) fn set_lanes(mut mask: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = mask.trailing_zeros() as usize;
+        mask &= mask.wrapping_sub(1);
+        (lane < 8).then_some(lane)
+    })
+}
+
 /// Eight three-vectors.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Vec3x8<S: Simd = Portable> {

@@ -6,6 +6,7 @@ mod legendre;
 mod real;
 mod vec3;
 
+pub(crate) use lanes::set_lanes;
 pub use lanes::{Vec3x8, sincos_eighth};
 pub use legendre::{DEGREES, legendre};
 pub use real::Real;

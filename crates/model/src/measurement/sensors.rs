@@ -10,8 +10,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 use splitsnow_spectra::simd::{F64x8, Portable, Simd};
 
-use crate::math::{Vec3, Vec3x8};
-use crate::table::lanes as set_lanes;
+use crate::math::{Vec3, Vec3x8, set_lanes};
 
 /// Largest number of sensors per hemisphere.
 pub const MOST_SENSORS: usize = 100_000;

@@ -13,12 +13,12 @@
 use serde::{Deserialize, Serialize};
 use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, dispatch};
 
-use crate::math::legendre;
+use crate::math::{legendre, set_lanes};
 use crate::rng::Stream;
 use crate::table::follow::Follower;
 use crate::table::rays::{Ray, Variates};
 use crate::table::step::{Steps, Stuck};
-use crate::table::{Histogram, TableSnowpack, lanes};
+use crate::table::{Histogram, TableSnowpack};
 use crate::transport::{Planes, WalkError};
 
 /// Number of grain events per ray that use the lattice.
@@ -217,7 +217,7 @@ impl SimdKernel for Walks<'_> {
         let mut walking = 0xff;
         let mut ended = 0xff;
         loop {
-            for lane in lanes(ended) {
+            for lane in set_lanes(ended) {
                 if started == rays {
                     walking &= !(1 << lane);
                     continue;
@@ -295,7 +295,7 @@ impl SimdKernel for Walks<'_> {
                 down |= under.to_bitmask() & stepped.met;
             }
             ended = (up | down | stepped.lost) & walking;
-            for lane in lanes(ended & !stepped.lost) {
+            for lane in set_lanes(ended & !stepped.lost) {
                 let Ray { mu, path, .. } = steps.rays.get(lane);
                 let (histogram, moments) = match up >> lane & 1 {
                     1 => (&mut scores.out, above),

@@ -1,9 +1,10 @@
 //! Counts light at horizontal planes in walks with grains from tables.
 use splitsnow_spectra::simd::Simd;
 
+use crate::math::set_lanes;
 use crate::table::rays::Rays;
 use crate::table::step::{StepMasks, Steps};
-use crate::table::{Histogram, TableSnowpack, lanes};
+use crate::table::{Histogram, TableSnowpack};
 use crate::transport::{Crossing, Leg, Path, Planes};
 
 /// Number of scores of a crossing: its flux, and its actinic flux.
@@ -55,7 +56,7 @@ impl<'a> Follower<'a> {
         stepped: &StepMasks,
         walking: u32,
     ) {
-        for lane in lanes(walking) {
+        for lane in set_lanes(walking) {
             let is = |mask: u32| mask >> lane & 1 == 1;
             // a ray lost in a grain has no end of its path
             if is(stepped.rejected | stepped.lost) {

@@ -21,12 +21,3 @@ pub use outcome::{Outcome, draw, draw_reflected};
 pub use packed::PackedTable;
 pub use slab::TableWalker;
 pub use snowpack::{TableLayer, TableSnowpack};
-
-/// The lanes set in a mask.
-pub(crate) fn lanes(mut mask: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lane = mask.trailing_zeros() as usize;
-        mask &= mask.wrapping_sub(1);
-        (lane < 8).then_some(lane)
-    })
-}

@@ -3,10 +3,10 @@
 use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::grain::{Bodies, Down};
-use crate::math::ln;
+use crate::math::{ln, set_lanes};
 use crate::rng::{Stream, azimuth};
+use crate::table::PackedTable;
 use crate::table::snowpack::{TableLayer, TableSnowpack};
-use crate::table::{PackedTable, lanes};
 use crate::transport::{Path, TRACERS};
 
 /// Eight rays between two grains.
@@ -277,7 +277,7 @@ impl TableSnowpack<'_> {
         length_m: F64x8<S>,
         impurities: for<'s> fn(&'s TableLayer) -> &'s [f64; TRACERS],
     ) {
-        for lane in lanes(0xff) {
+        for lane in set_lanes(0xff) {
             let per_m = impurities(&self.layers[rays.layer[lane]]);
             let length_m = length_m.as_array()[lane];
             // a ray lost in a grain has an infinite path

@@ -5,11 +5,11 @@
 //! azimuth of a ray is not followed. One walk serves several thicknesses in the same way.
 use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, Task, dispatch};
 
-use crate::math::Vec3;
+use crate::math::{Vec3, set_lanes};
 use crate::rng::Stream;
+use crate::table::TableSnowpack;
 use crate::table::rays::{Ray, Variates};
 use crate::table::step::{StepMasks, Steps, Stuck};
-use crate::table::{TableSnowpack, lanes};
 use crate::transport::{Absorption, End, Illumination, Sink, Walk, WalkError};
 
 /// Steps between calls of [`Sink::stop`].
@@ -125,7 +125,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
         let [ice_per_m, water_per_m] =
             [coefficients.ice_per_m, coefficients.water_per_m].map(F64x8::splat);
         let mut steps = Steps::new(snowpack, [false; 2]);
-        let mut walking = lanes(0xff).fold(0, |walking, lane| {
+        let mut walking = set_lanes(0xff).fold(0, |walking, lane| {
             walking | u32::from(self.start(&mut steps, lane)) << lane
         });
         let mut total = 0;
@@ -137,7 +137,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
                 return Err(WalkError::Stopped);
             }
             let mut variates = Variates::draw(snowpack.wet, &mut self.rng);
-            for lane in lanes(self.forced) {
+            for lane in set_lanes(self.forced) {
                 if let Some(forced) = self.lanes[lane].forced.take() {
                     variates.set(lane, forced);
                 }
@@ -165,7 +165,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
             total += u64::from((met & walking).count_ones());
             if snowpack.layers.len() > 1 {
                 // grains may carry rays across the lower plane of the surface layer
-                for lane in lanes(met & walking) {
+                for lane in set_lanes(met & walking) {
                     let Lane {
                         slab, branch_point, ..
                     } = &mut self.lanes[lane];
@@ -185,7 +185,7 @@ impl<S: Simd, W: Sink> Walks<'_, S, W> {
             }
             let out = above | below;
             let absorbed = depth.ge(self.budget).to_bitmask() & (met | out);
-            for lane in lanes((lost | absorbed | out) & walking) {
+            for lane in set_lanes((lost | absorbed | out) & walking) {
                 let end = match [lost, absorbed, below].map(|mask| mask >> lane & 1 == 1) {
                     [true, ..] => End::Lost,
                     [_, true, _] => End::Absorbed,

@@ -1,7 +1,7 @@
 //! One step of eight rays: a flight and the grain event or plane at its end.
 use splitsnow_spectra::simd::{F64x8, Simd};
 
-use crate::table::lanes;
+use crate::math::set_lanes;
 use crate::table::rays::{Ray, Rays, Variates};
 use crate::table::snowpack::TableSnowpack;
 use crate::transport::{EVENT_LIMIT, REJECTION_LIMIT};
@@ -188,14 +188,14 @@ impl<'a, S: Simd> Steps<'a, S> {
             self.rejections = counts.select(self.rejections + (one & rejected), zero);
             let limit = F64x8::splat(f64::from(REJECTION_LIMIT));
             let stuck = self.rejections.ge(limit).to_bitmask() & walking;
-            if let Some(lane) = lanes(stuck).next() {
+            if let Some(lane) = set_lanes(stuck).next() {
                 return Err(Stuck(lane));
             }
         } else {
             self.rejections = crossed.select(self.rejections, zero);
         }
         let touched = touched.to_bitmask() & walking;
-        for lane in lanes(touched) {
+        for lane in set_lanes(touched) {
             on_lower_plane(self, lane, variates);
         }
 
@@ -217,7 +217,7 @@ impl<'a, S: Simd> Steps<'a, S> {
         self.events += one & met;
         if layered {
             self.change_layers([up & crossed, down & crossed], [top_m, bottom_m], met);
-            for lane in lanes((rejected & self.cut).to_bitmask()) {
+            for lane in set_lanes((rejected & self.cut).to_bitmask()) {
                 let origin = self.origin.get(lane);
                 self.rays.set(lane, &origin);
             }
@@ -237,7 +237,7 @@ impl<'a, S: Simd> Steps<'a, S> {
     /// Stores the starting points of flights that are cut for the first time.
     #[inline(always)]
     fn keep_origins(&mut self, crossed: F64x8<S>, variates: &Variates<S>) {
-        for lane in lanes((crossed & !self.cut).to_bitmask()) {
+        for lane in set_lanes((crossed & !self.cut).to_bitmask()) {
             let ray = self.rays.get(lane);
             self.origin.set(lane, &ray);
             self.medium.as_mut_array()[lane] = variates.medium.as_array()[lane];
@@ -255,8 +255,8 @@ impl<'a, S: Simd> Steps<'a, S> {
     ) {
         self.rays.z_m = up.select(top_m, down.select(bottom_m, self.rays.z_m));
         let [up, down, met] = [up, down, met].map(F64x8::to_bitmask);
-        lanes(up).for_each(|lane| self.rays.layer[lane] -= 1);
-        lanes(down).for_each(|lane| self.rays.layer[lane] += 1);
-        lanes(met).for_each(|lane| self.rays.layer[lane] = self.layer_of(lane));
+        set_lanes(up).for_each(|lane| self.rays.layer[lane] -= 1);
+        set_lanes(down).for_each(|lane| self.rays.layer[lane] += 1);
+        set_lanes(met).for_each(|lane| self.rays.layer[lane] = self.layer_of(lane));
     }
 }

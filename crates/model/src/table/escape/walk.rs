@@ -3,8 +3,8 @@ use splitsnow_spectra::elementary::exp_neg_single;
 use splitsnow_spectra::simd::{F64x8, Simd, Task};
 
 use crate::grain::{Bodies, Down};
-use crate::math::{Real, Vec3x8, exp_neg};
-use crate::table::{PackedTable, lanes as set_lanes};
+use crate::math::{Real, Vec3x8, exp_neg, set_lanes};
+use crate::table::PackedTable;
 use crate::transport::{EVENT_LIMIT, Path, REJECTION_LIMIT, WalkError, diffuse_cosine};
 
 use super::layer::{EscapeKind, EscapeLayer};
