@@ -1,4 +1,5 @@
 //! Legendre polynomials.
+use splitsnow_spectra::simd::{F64x8, Simd};
 
 /// Number of degrees, 0 to 63.
 pub const DEGREES: usize = 64;
@@ -23,6 +24,16 @@ pub fn legendre(x: f64, values: &mut [f64]) {
     for (value, [a, b]) in values.iter_mut().zip(&STEPS[1..]) {
         *value = p;
         (p, next) = (next, a * x * next - b * p);
+    }
+}
+
+/// [`legendre`] of eight numbers.
+#[inline(always)]
+pub(crate) fn legendre_lanes<S: Simd>(x: F64x8<S>, values: &mut [F64x8<S>]) {
+    let (mut p, mut next) = (F64x8::ONE, x);
+    for (value, [a, b]) in values.iter_mut().zip(&STEPS[1..]) {
+        *value = p;
+        (p, next) = (next, F64x8::splat(*a) * x * next - F64x8::splat(*b) * p);
     }
 }
 

@@ -8,6 +8,7 @@ mod vec3;
 
 pub(crate) use lanes::set_lanes;
 pub use lanes::{Vec3x8, sincos_eighth};
+pub(crate) use legendre::legendre_lanes;
 pub use legendre::{DEGREES, legendre};
 pub use real::Real;
 pub use splitsnow_spectra::elementary::{exp_neg, ln};

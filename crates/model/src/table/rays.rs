@@ -198,12 +198,11 @@ impl TableSnowpack<'_> {
         flight: &Flight<S>,
         rows: impl Fn(&PackedTable) -> &[[f32; 8]],
     ) -> [F64x8<S>; N] {
-        let mut columns = [[0.0; 8]; N];
         let plain = self.is_plain();
         let first = &self.layers[0].kinds[0].tables;
         let [air, water] = first.map(&rows);
         let wet = if self.wet { flight.wet.to_bitmask() } else { 0 };
-        for lane in 0..8 {
+        let row = |lane: usize| {
             let in_water = wet >> lane & 1 == 1;
             let rows = if plain {
                 if in_water { water } else { air }
@@ -211,12 +210,20 @@ impl TableSnowpack<'_> {
                 let kind = &self.layers[rays.layer[lane]].kinds[flight.kinds[lane]];
                 rows(kind.tables[usize::from(in_water)])
             };
-            let row = &rows[flight.outcomes[lane] as usize];
-            for (column, value) in columns.iter_mut().zip(row) {
-                column[lane] = f64::from(*value);
-            }
-        }
-        columns.map(F64x8::new)
+            &rows[flight.outcomes[lane] as usize]
+        };
+        let rows = [
+            row(0),
+            row(1),
+            row(2),
+            row(3),
+            row(4),
+            row(5),
+            row(6),
+            row(7),
+        ];
+        let columns = F64x8::columns(rows);
+        std::array::from_fn(|column| columns[column])
     }
 
     /// Depths of the highest and lowest points of the candidate grains, m.
@@ -259,11 +266,12 @@ impl TableSnowpack<'_> {
         flight.size_m * (x * x + y * y + along * along).sqrt()
     }
 
-    /// Adds a path of `length_m` through the pores; lengths of 0 add nothing.
+    /// Adds a path of `length_m` through the pores, which hold water where `wet` is set; lengths of 0
+    /// add nothing.
     #[inline(always)]
-    pub(super) fn pass<S: Simd>(&self, rays: &mut Rays<S>, flight: &Flight<S>, length_m: F64x8<S>) {
+    pub(super) fn pass<S: Simd>(&self, rays: &mut Rays<S>, wet: F64x8<S>, length_m: F64x8<S>) {
         if self.wet {
-            rays.water_m += length_m & flight.wet;
+            rays.water_m += length_m & wet;
         }
         if self.sooty {
             self.collect(rays, length_m, |layer| &layer.in_pores);

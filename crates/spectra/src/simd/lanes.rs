@@ -185,6 +185,13 @@ impl<S: Simd> F64x8<S> {
         f64::from_bits(if set { u64::MAX } else { 0 })
     }
 
+    /// The columns of eight rows: lane i of column j is number j of row i.
+    #[inline(always)]
+    #[must_use]
+    pub fn columns(rows: [&[f32; 8]; 8]) -> [Self; 8] {
+        S::columns(rows).map(Self::new)
+    }
+
     /// Square roots.
     #[inline(always)]
     #[must_use]

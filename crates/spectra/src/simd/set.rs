@@ -91,6 +91,20 @@ pub trait Simd:
         out
     }
 
+    /// The columns of eight rows.
+    #[doc(hidden)]
+    #[inline(always)]
+    #[must_use]
+    fn columns(rows: [&[f32; 8]; 8]) -> [[f64; 8]; 8] {
+        let mut columns = [[0.0; 8]; 8];
+        for (lane, row) in rows.into_iter().enumerate() {
+            for (column, value) in columns.iter_mut().zip(row) {
+                column[lane] = f64::from(*value);
+            }
+        }
+        columns
+    }
+
     /// The signs.
     #[doc(hidden)]
     #[inline(always)]
@@ -242,6 +256,13 @@ mod tests {
             let singles = [single(a) + single(b), single(a) * single(b)];
             let numbers = singles.iter().flat_map(|v| v.to_array());
             bits.extend(numbers.map(|v| if v.is_nan() { 1 } else { v.to_bits().into() }));
+            let row = |i: usize| [0, 1, 2, 3, 4, 5, 6, 7].map(|j| (8 * i + j) as f32 - 20.5);
+            let rows = [0, 1, 2, 3, 4, 5, 6, 7].map(row);
+            let columns = F64x8::<S>::columns(rows.each_ref());
+            for (j, column) in columns.iter().enumerate() {
+                let expected = rows.map(|row| f64::from(row[j]));
+                assert_eq!(column.to_array(), expected, "column {j}");
+            }
             bits
         }
     }

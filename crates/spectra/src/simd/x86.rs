@@ -142,6 +142,48 @@ impl Simd for Portable {
     }
 }
 
+/// The columns of eight rows, for methods of [`V3`] and [`V4`].
+///
+/// # Safety
+/// The processor has AVX.
+#[inline(always)]
+unsafe fn transposed(rows: [&[f32; 8]; 8]) -> [__m256; 8] {
+    // SAFETY: the reads are within the rows
+    unsafe {
+        let r = rows.map(|row| _mm256_loadu_ps(row.as_ptr()));
+        let pairs = [
+            _mm256_unpacklo_ps(r[0], r[1]),
+            _mm256_unpackhi_ps(r[0], r[1]),
+            _mm256_unpacklo_ps(r[2], r[3]),
+            _mm256_unpackhi_ps(r[2], r[3]),
+            _mm256_unpacklo_ps(r[4], r[5]),
+            _mm256_unpackhi_ps(r[4], r[5]),
+            _mm256_unpacklo_ps(r[6], r[7]),
+            _mm256_unpackhi_ps(r[6], r[7]),
+        ];
+        let fours = [
+            _mm256_shuffle_ps::<0x44>(pairs[0], pairs[2]),
+            _mm256_shuffle_ps::<0xee>(pairs[0], pairs[2]),
+            _mm256_shuffle_ps::<0x44>(pairs[1], pairs[3]),
+            _mm256_shuffle_ps::<0xee>(pairs[1], pairs[3]),
+            _mm256_shuffle_ps::<0x44>(pairs[4], pairs[6]),
+            _mm256_shuffle_ps::<0xee>(pairs[4], pairs[6]),
+            _mm256_shuffle_ps::<0x44>(pairs[5], pairs[7]),
+            _mm256_shuffle_ps::<0xee>(pairs[5], pairs[7]),
+        ];
+        [
+            _mm256_permute2f128_ps::<0x20>(fours[0], fours[4]),
+            _mm256_permute2f128_ps::<0x20>(fours[1], fours[5]),
+            _mm256_permute2f128_ps::<0x20>(fours[2], fours[6]),
+            _mm256_permute2f128_ps::<0x20>(fours[3], fours[7]),
+            _mm256_permute2f128_ps::<0x31>(fours[0], fours[4]),
+            _mm256_permute2f128_ps::<0x31>(fours[1], fours[5]),
+            _mm256_permute2f128_ps::<0x31>(fours[2], fours[6]),
+            _mm256_permute2f128_ps::<0x31>(fours[3], fours[7]),
+        ]
+    }
+}
+
 impl Simd for V3 {
     const LEVEL: Level = Level::V3;
 
@@ -166,6 +208,23 @@ impl Simd for V3 {
             add_integers _mm256_add_epi64, sub_integers _mm256_sub_epi64,
             and_integers _mm256_and_si256, or_integers _mm256_or_si256,
             xor_integers _mm256_xor_si256;
+    }
+
+    #[inline(always)]
+    fn columns(rows: [&[f32; 8]; 8]) -> [[f64; 8]; 8] {
+        // SAFETY: see the module's text
+        unsafe {
+            let columns = transposed(rows);
+            let mut out = [[0.0; 8]; 8];
+            let mut i = 0;
+            while i < 8 {
+                let low = _mm256_cvtps_pd(_mm256_castps256_ps128(columns[i]));
+                let high = _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(columns[i]));
+                out[i] = transmute::<[__m256d; 2], [f64; 8]>([low, high]);
+                i += 1;
+            }
+            out
+        }
     }
 
     #[inline(always)]
@@ -260,6 +319,21 @@ impl Simd for V4 {
     }
 
     compared!(lt _CMP_LT_OQ, le _CMP_LE_OQ, equals _CMP_EQ_OQ);
+
+    #[inline(always)]
+    fn columns(rows: [&[f32; 8]; 8]) -> [[f64; 8]; 8] {
+        // SAFETY: see the module's text
+        unsafe {
+            let columns = transposed(rows);
+            let mut out = [[0.0; 8]; 8];
+            let mut i = 0;
+            while i < 8 {
+                out[i] = transmute::<__m512d, [f64; 8]>(_mm512_cvtps_pd(columns[i]));
+                i += 1;
+            }
+            out
+        }
+    }
 
     #[inline(always)]
     fn sqrt(a: [f64; 8]) -> [f64; 8] {
