@@ -23,8 +23,19 @@ use crate::engine::{Cache, Control, Engine, EngineError, MaxError, Request, Reso
 use crate::measurement::Spectrum;
 use crate::transport::{Illumination, Model, Snowpack};
 
-/// Default number of walks.
+/// Default number of walks of the engines that follow one ray after the other, of profiles and of
+/// light toward views.
 pub const RAYS: u64 = 131_072;
+
+/// Default number of walks of [`Simulation::run`]: a quarter of [`RAYS`] in `hybrid`, which `auto`
+/// prefers, since its walks have less noise (docs/performance.md), and [`RAYS`] in other engines.
+#[must_use]
+pub const fn default_rays(engine: Engine) -> u64 {
+    match engine {
+        Engine::Auto | Engine::Hybrid => RAYS / 4,
+        Engine::Reference | Engine::Spectral | Engine::Tabulated => RAYS,
+    }
+}
 /// Number of walks of the first run of [`Simulation::run_to_error`], and steps of those after it.
 const FIRST_RAYS: u64 = 4096;
 /// Most walks of [`Simulation::run_to_error`].
@@ -45,7 +56,7 @@ pub struct Simulation<'a> {
     wavelengths_nm: &'a [f64],
     model: &'a Model,
     engine: Engine,
-    rays: u64,
+    rays: Option<u64>,
     max_error: MaxError,
     seed: u64,
     threads: usize,
@@ -53,8 +64,8 @@ pub struct Simulation<'a> {
 }
 
 impl<'a> Simulation<'a> {
-    /// A simulation of the sample of a sample file, with the engine `auto`, [`RAYS`] walks and
-    /// the seed 1.
+    /// A simulation of the sample of a sample file, with the engine `auto`, the seed 1 and
+    /// [`default_rays`] walks.
     pub fn of(sample: &'a SampleFile) -> Self {
         Self::new(
             &sample.snowpack,
@@ -81,7 +92,7 @@ impl<'a> Simulation<'a> {
             wavelengths_nm,
             model,
             engine: Engine::Auto,
-            rays: RAYS,
+            rays: None,
             max_error: MaxError::default_for(wavelengths_nm),
             seed: 1,
             threads: 0,
@@ -96,7 +107,10 @@ impl<'a> Simulation<'a> {
 
     /// Sets the number of walks, at least 1: see [`Request::rays`].
     pub fn rays(self, rays: u64) -> Self {
-        Self { rays, ..self }
+        Self {
+            rays: Some(rays),
+            ..self
+        }
     }
 
     /// Sets the largest error that the engine `auto`, and [`run_to_error`](Self::run_to_error), may leave.
@@ -135,14 +149,27 @@ impl<'a> Simulation<'a> {
     /// The request to an engine for this simulation.
     #[must_use]
     pub fn request(&self) -> Request<'_> {
+        let rays = self.rays.unwrap_or_else(|| default_rays(self.engine));
+        self.request_at(rays, self.engine.resolution(rays))
+    }
+
+    /// The request for light inside the snow and toward views. These need walks one by one, of
+    /// which [`RAYS`] are the default.
+    #[must_use]
+    pub fn detailed_request(&self) -> Request<'_> {
+        let rays = self.rays.unwrap_or(RAYS);
+        self.request_at(rays, Resolution::for_rays(rays))
+    }
+
+    fn request_at(&self, rays: u64, resolution: Resolution) -> Request<'_> {
         Request {
             snowpack: self.snowpack,
             thicknesses_m: &self.thickness_m,
             illuminations: &self.illumination,
-            resolution: Resolution::for_rays(self.rays),
+            resolution,
             wavelengths_nm: self.wavelengths_nm,
             model: self.model,
-            rays: self.rays,
+            rays,
             max_error: self.max_error,
             seed: self.seed,
             cell: 0,
@@ -173,11 +200,13 @@ impl<'a> Simulation<'a> {
     }
 
     /// Simulates the light inside the snow at depths below the surface, m; see [`profile::run`].
+    /// The request is [`detailed_request`](Self::detailed_request).
     ///
     /// # Errors
     /// As [`run`](Self::run), and [`EngineError::Depth`] for a depth that is not in the snow.
     pub fn profile(&self, depths_m: &[f64]) -> Result<Profile, EngineError> {
-        self.on_threads(|control| profile::run(self.engine, &self.request(), depths_m, control))
+        let request = self.detailed_request();
+        self.on_threads(|control| profile::run(self.engine, &request, depths_m, control))
     }
 
     /// Does `work` on the threads of the simulation.
@@ -208,7 +237,7 @@ impl<'a> Simulation<'a> {
     /// [`EngineError`] if there are no rays, the engine refuses the request, or the run is
     /// cancelled.
     pub fn run_with(&self, control: &Control<'_>) -> Result<Spectrum, EngineError> {
-        if self.rays == 0 {
+        if self.rays == Some(0) {
             return Err(EngineError::NoRays);
         }
         let mut spectra = self.engine.run(&self.request(), control)?;
@@ -237,22 +266,19 @@ impl<'a> Simulation<'a> {
         &self,
         control: &Control<'_>,
     ) -> Result<(Self, Spectrum), EngineError> {
-        let mut simulation = Self {
-            engine: self.resolved(),
-            rays: FIRST_RAYS,
-            ..self.clone()
-        };
+        let mut rays = FIRST_RAYS;
+        let mut simulation = self.clone().engine(self.resolved()).rays(rays);
         let allowed = simulation.engine.noise_allowed(&simulation.request())?;
         loop {
             let spectrum = simulation.run_with(control)?;
             let excess = spectrum.rms_se() / allowed;
-            if excess <= 1.0 || simulation.rays >= MOST_RAYS {
+            if excess <= 1.0 || rays >= MOST_RAYS {
                 return Ok((simulation, spectrum));
             }
-            let steps = simulation.rays as f64 * MARGIN * excess * excess / FIRST_RAYS as f64;
+            let steps = rays as f64 * MARGIN * excess * excess / FIRST_RAYS as f64;
             // floats, which do not overflow however small the error asked
-            let rays = FIRST_RAYS as f64 * steps.ceil();
-            simulation.rays = rays.min(MOST_RAYS as f64) as u64;
+            rays = (FIRST_RAYS as f64 * steps.ceil()).min(MOST_RAYS as f64) as u64;
+            simulation = simulation.rays(rays);
         }
     }
 }
@@ -312,13 +338,14 @@ mod tests {
         let (coarse, _) = within(Engine::Auto, 0.01).unwrap();
         let (fine, spectrum) = within(Engine::Auto, 0.0017).unwrap();
         assert_eq!([coarse.engine, fine.engine], [Engine::Hybrid; 2]);
-        assert!(coarse.rays < fine.rays, "{} {}", coarse.rays, fine.rays);
+        let [few, many] = [&coarse, &fine].map(|simulation| simulation.request().rays);
+        assert!(few < many, "{few} {many}");
         // the systematic error of `hybrid` in the near infrared, and the noise
         let total = |spectrum: &Spectrum| spectrum.rms_se().hypot(0.0015);
         assert!(total(&spectrum) <= 0.0017, "{}", total(&spectrum));
         // a quarter of the walks would not have been enough
-        let fewer = fine.clone().rays(fine.rays / 4).run().unwrap();
-        assert!(total(&fewer) > 0.0017, "{} {}", fine.rays, total(&fewer));
+        let fewer = fine.clone().rays(many / 4).run().unwrap();
+        assert!(total(&fewer) > 0.0017, "{many} {}", total(&fewer));
         // the result is that of a run with these walks
         assert_eq!(fine.run().unwrap(), spectrum);
         let refused = within(Engine::Hybrid, 0.001).unwrap_err().to_string();

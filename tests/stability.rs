@@ -189,7 +189,9 @@ fn slabs_too_thin_for_a_grain_are_rejected() {
         |grains: f64| Case::new("thin", spheres.clone(), 0.0, &[], &[550.0]).in_grains(&[grains]);
     for engine in Engine::ALL {
         let empty = slab(0.999).run(engine, 1000, COARSE, &Cache::default(), 1);
-        assert_eq!(empty.unwrap()[0].transmittance[0].value, 1.0);
+        // walks of `hybrid` carry weights, whose sum is rounded
+        let transmitted = empty.unwrap()[0].transmittance[0].value;
+        assert!((transmitted - 1.0).abs() < 1e-14, "{transmitted}");
         let error = run_checked(&slab(0.999), engine, 1000, COARSE).unwrap_err();
         assert!(
             matches!(

@@ -61,7 +61,8 @@ def simulate(
     lines), or its keys as a mapping (docs/formats.md). CSV paths in a text or mapping
     are relative to the working directory. ``rays`` is the number of walks: per
     wavelength in ``reference``, per node of refractive index in ``spectral`` and
-    ``tabulated``, from every direction in ``hybrid``; by default 131,072.
+    ``tabulated``, from every direction in ``hybrid``; by default 32,768 in ``hybrid`` and
+    ``auto`` and 131,072 in the others.
     ``max_error``, for the engine ``auto`` only, is the largest error allowed: the RMSE
     over the wavelengths as a number, or a mapping with ``"rmse"`` and ``"delta_e"``. If
     ``rays`` is not given, as many are walked as it takes: few first, then as many as their

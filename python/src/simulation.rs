@@ -12,7 +12,7 @@ use splitsnow::config::sample::{self, SampleFile};
 use splitsnow::engine::profile::LightAtDepth;
 use splitsnow::engine::{self, Engine, EngineError, MaxError};
 use splitsnow::measurement::Measured;
-use splitsnow::simulation::{RAYS, Simulation};
+use splitsnow::simulation::{RAYS, Simulation, default_rays};
 use splitsnow::units::m_to_cm;
 
 use crate::pool::pool;
@@ -101,7 +101,7 @@ pub(crate) fn profile<'py>(
     let pool = pool(py)?;
     let run = |simulation: &Simulation| simulation.profile(&depths_m);
     let found = py.detach(|| interruptible(&pool, &simulation, run))?;
-    let engine = engine::profile::engine(engine, &simulation.request());
+    let engine = engine::profile::engine(engine, &simulation.detailed_request());
 
     let depths = found.depths_m().len();
     let places = (0..found.wavelengths()).flat_map(|w| (0..depths).map(move |d| (w, d)));
@@ -147,7 +147,7 @@ pub(crate) fn simulate<'py>(
     let to_error = max_error.is_some() && rays.is_none();
     let simulation = Simulation::of(&sample)
         .engine(engine)
-        .rays(some(rays.unwrap_or(RAYS))?)
+        .rays(some(rays.unwrap_or(default_rays(engine)))?)
         .seed(seed)
         .max_error(bounds(max_error, engine, &sample.wavelengths_nm)?);
     let pool = pool(py)?;

@@ -96,7 +96,8 @@ pub(super) struct Args {
     /// Check the optimum by simulation, and improve it until it stays
     #[arg(long)]
     exact: bool,
-    /// Walks of each simulation of --exact [default: the grid's, at least 131072]
+    /// Walks of each simulation of --exact [default: the grid's, at least
+    /// those of `simulate`]
     #[arg(long, value_name = "N", requires = "exact", value_parser = clap::value_parser!(u64).range(1..))]
     rays: Option<u64>,
     /// Seed of the sampler, which is used for more than four unknowns, and of --exact

@@ -9,7 +9,7 @@ use super::{against, bands, goniometer, profile, walking};
 use crate::config::sample;
 use crate::engine::{Engine, EngineError};
 use crate::measurement::{Measured, Spectrum};
-use crate::simulation::{RAYS, Simulation};
+use crate::simulation::Simulation;
 
 /// Measure reflectance and transmittance of one snow sample, with standard errors
 ///
@@ -50,9 +50,10 @@ pub(super) struct Args {
     #[arg(long, default_value = Engine::Auto.name(), value_parser = common::engine_parser())]
     engine: Engine,
     /// Rays: per wavelength in `reference`, per node of refractive index in `spectral` and
-    /// `tabulated`, and per direction of incidence in `hybrid` (`auto`)
-    #[arg(long, default_value_t = RAYS, value_parser = clap::value_parser!(u64).range(1..))]
-    rays: u64,
+    /// `tabulated`, and per direction of incidence in `hybrid` (`auto`) [default: 32768 in `hybrid`
+    /// and `auto`; 131072 in other engines, at depths and toward views]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    rays: Option<u64>,
     /// As many rays as it takes for this root mean square error of R and T over the wavelengths:
     /// the systematic error of the engine and the noise together. The output states the number
     #[arg(long, value_name = "ERROR", value_parser = common::positive)]
@@ -128,14 +129,15 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     common::warn(&sample.warnings);
     common::notes(&sample.notes);
     let target = args.against.target(&sample.wavelengths_nm)?;
-    let simulation = Simulation::of(&sample)
-        .engine(args.engine)
-        .rays(args.rays)
-        .seed(args.seed);
+    let simulation = Simulation::of(&sample).engine(args.engine).seed(args.seed);
+    let simulation = match args.rays {
+        Some(rays) => simulation.rays(rays),
+        None => simulation,
+    };
     let job = goniometer::SharedOptions {
         sample: args.sample.display().to_string(),
         engine: args.engine,
-        request: simulation.request(),
+        request: simulation.detailed_request(),
         threads: args.threads,
         json: args.json,
     };

@@ -2,7 +2,7 @@
 use std::fmt;
 
 use super::{Grid, GridError, GridViews, Jobs};
-use crate::engine::{Engine, Request, Resolution, identity};
+use crate::engine::{Engine, Request, identity};
 use crate::grain::{GrainType, SizeRange};
 use crate::measurement::{Measured, Spectrum, ViewFactors};
 use crate::parameter::{Parameter, Point, Role};
@@ -10,7 +10,7 @@ use crate::transport::{Illumination, Snow, Snowpack};
 use crate::units::{HALF_SPACE_M, cm_to_m, m_to_cm, um_to_m};
 
 /// Jobs with the same grain shape share tables, so tables have the resolution for this
-/// many times the walks of one job. From 65,536 walks per job on, they have the finest
+/// many times the walks of one job. From 16,384 walks of `hybrid` per job on, they have the finest
 /// resolution.
 const SHARED: u64 = 16;
 
@@ -189,7 +189,10 @@ impl Grid {
             snowpack,
             thicknesses_m,
             illuminations,
-            resolution: Resolution::for_rays(self.run.rays.saturating_mul(SHARED)),
+            resolution: self
+                .run
+                .engine
+                .resolution(self.run.rays.saturating_mul(SHARED)),
             wavelengths_nm: &self.wavelengths_nm,
             model: &self.fixed.model,
             rays: self.run.rays,

@@ -61,7 +61,7 @@ impl DirectionsRequest {
         }
         let (file, _) = read(&self.sample, &self.files, &engine.limits)?;
         let simulation = Simulation::of(&file).rays(self.rays).seed(self.seed);
-        let request = simulation.request();
+        let request = simulation.detailed_request();
         let used = exits::goniometer_engine(Engine::Auto, &request);
         let cache = engine.cache.with(Units::default());
         let control = Control {

@@ -37,7 +37,7 @@ pub use limits::Limits;
 use refused::{Refused, Reply};
 
 /// Memory for tables of grain events, bytes. Those of one grain shape at one index node take
-/// 1 MB with 16,384 walks and 8 MB with 131,072.
+/// 4 MB with 16,384 walks and 8 MB from 32,768 on.
 const TABLES: usize = 160 << 20;
 
 /// What the page asks.

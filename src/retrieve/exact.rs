@@ -8,7 +8,7 @@ use super::{FileGrains, RetrieveError};
 use crate::lookup::Database;
 use crate::measurement::{Measured, Quantity};
 use crate::parameter::{Parameter, Point};
-use crate::simulation::{RAYS, Simulation};
+use crate::simulation::{Simulation, default_rays};
 use crate::transport::Illumination;
 use crate::units::cm_to_m;
 
@@ -20,7 +20,7 @@ const SHIFT: f64 = 0.1;
 /// How the optimum is simulated.
 #[derive(Debug, Clone, Copy)]
 pub struct ExactOptions<'a> {
-    /// Walks of each simulation; the grid's, but at least [`RAYS`], if `None`.
+    /// Walks of each simulation; the grid's, but at least [`default_rays`], if `None`.
     pub rays: Option<u64>,
     /// Seed.
     pub seed: u64,
@@ -59,7 +59,9 @@ impl Setup {
             .grains
             .as_ref()
             .ok_or(RetrieveError::NoGrains("--exact"))?;
-        let rays = options.rays.unwrap_or(grains.grid().run.rays.max(RAYS));
+        let run = &grains.grid().run;
+        let usual = run.rays.max(default_rays(run.engine));
+        let rays = options.rays.unwrap_or(usual);
         let zero = vec![0.0; self.values()];
         let sigmas = self.sigmas();
         let sd: Vec<f64> = {

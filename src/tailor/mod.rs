@@ -52,7 +52,7 @@ const COMPRESSION: f64 = 0.45;
 /// bound as well.
 const CERTIFIED: f64 = 0.9;
 /// Rays of a simulation: at a bound of 0.5, smallest and largest.
-const RAYS: [f64; 3] = [65_536.0, 16_384.0, 1_048_576.0];
+const RAYS: [f64; 3] = [16_384.0, 4096.0, 262_144.0];
 /// Rays of a fresh simulation relative to those of the candidates.
 pub(crate) const FRESH: u64 = 4;
 

@@ -12,7 +12,7 @@ use crate::tailor;
 
 /// Rays of a fresh simulation. Its noise is a third of that of a database of
 /// configs/thesis.toml.
-pub const POINT_RAYS: u64 = 1 << 19;
+pub const POINT_RAYS: u64 = 1 << 17;
 /// Added to the seed, to keep it apart from the seeds with which files are made.
 const SEED_OFFSET: u64 = 1 << 32;
 

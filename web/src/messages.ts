@@ -160,7 +160,7 @@ export interface SimulateRequest {
   ask: "simulate";
   sample: Sample;
   files?: Files;
-  /// Walks per index node. 2048 while dragging, 16384 and 131072 at rest.
+  /// Walks per index node. 2048 while dragging, 8192 and 32768 at rest.
   rays: number;
   seed: number;
 }

@@ -128,7 +128,9 @@ export interface Page {
 }
 
 /// Walks per index node: while a control moves, soon after it rests, and in the end.
-export const RAYS = [2048, 16384, 131072] as const;
+export const RAYS = [2048, 8192, 32768] as const;
+/// The same toward views, whose walks have more noise.
+export const VIEW_RAYS = [2048, 16384, 131072] as const;
 /// Walks while a control moves, where a coarse simulation took longer than SLOW_MS.
 export const FEW_RAYS = 256;
 export const SLOW_MS = 600;

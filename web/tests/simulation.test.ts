@@ -35,7 +35,7 @@ test("refines at rest, in three stages", async () => {
   await vi.advanceTimersByTimeAsync(100);
   expect(asked.map((a) => a.rays)).toEqual([2048]);
   await vi.advanceTimersByTimeAsync(1000);
-  expect(asked.map((a) => a.rays)).toEqual([2048, 16384, 131072]);
+  expect(asked.map((a) => a.rays)).toEqual([2048, 8192, 32768]);
   expect([simulation.pending.value, simulation.stale.value]).toEqual([0, false]);
 });
 

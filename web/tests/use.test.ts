@@ -329,11 +329,11 @@ describe("take away", () => {
     expect([toml.name, toml.bytes.toString().includes("thickness_cm = 12")]).toEqual(["sample.toml", true]);
     const csv = (await save("Spectrum (CSV)")).bytes.toString();
     expect(csv.trim().split("\n").filter((line) => !line.startsWith("#"))).toHaveLength(32);
-    expect(csv).toContain("# rays: 131072");
+    expect(csv).toContain("# rays: 32768");
     const png = (await save("Picture (PNG)")).bytes;
     expect(png.subarray(1, 4).toString()).toBe("PNG");
     expect((await save("Drawing (SVG)")).bytes.toString()).toContain("Wavelength (nm)");
-    expect(await page.locator("#panel-take pre").first().innerText()).toMatch(/^splitsnow simulate sample.toml --engine \w+ --rays 131072 --seed 1/);
+    expect(await page.locator("#panel-take pre").first().innerText()).toMatch(/^splitsnow simulate sample.toml --engine \w+ --rays 32768 --seed 1/);
     expect(await page.locator("#link").inputValue()).toContain(site.url);
   });
 });

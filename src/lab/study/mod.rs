@@ -4,7 +4,7 @@ mod spectra;
 
 use crate::config::study::{Draw, StudyFile, StudyVariant};
 use crate::engine::exits::goniometer;
-use crate::engine::{Control, Engine, EngineError, MaxError, Request, Resolution};
+use crate::engine::{Control, Engine, EngineError, MaxError, Request};
 use crate::measurement::Sensors;
 
 pub use brdf::{Brdfs, Features, incidence_deg};
@@ -89,7 +89,7 @@ fn each<T: Default>(
             snowpack: &sample.snowpack,
             thicknesses_m: &[sample.thickness_m],
             illuminations: &[sample.illumination],
-            resolution: Resolution::for_rays(settings.rays),
+            resolution: settings.engine.resolution(settings.rays),
             wavelengths_nm: &sample.wavelengths_nm,
             model: &sample.model,
             rays: settings.rays,

@@ -2,7 +2,7 @@
 
 import "./directions.css";
 import type { Directions } from "../messages";
-import { inVisible, messageOf, RAYS, Refused, REST_MS, type Page } from "../page";
+import { inVisible, messageOf, Refused, REST_MS, VIEW_RAYS, type Page } from "../page";
 import { redrawOnChange, theme } from "../draw/canvas";
 import { Chart } from "../draw/chart";
 import { direction, drawDisc } from "../draw/disc";
@@ -223,7 +223,7 @@ export function mount(root: HTMLElement, page: Page): void {
     turn += 1;
     const mine = turn;
     root.setAttribute("aria-busy", "true");
-    for (const [stage, rays] of RAYS.entries()) {
+    for (const [stage, rays] of VIEW_RAYS.entries()) {
       if (stage === 1) await new Promise((resolve) => setTimeout(resolve, REST_MS));
       if (mine !== turn) return;
       // What is there already need not be walked again.

@@ -27,10 +27,13 @@ pub struct MaxError {
 /// Start of the near infrared, nm. Beyond it snow absorbs so much that light
 /// hardly spreads.
 pub const NEAR_INFRARED_NM: f64 = 780.0;
-/// Upper bound of the standard deviation per walk: in `hybrid`, for one
-/// illumination, whose walks follow a lattice; and in the other engines, whose
+/// Standard deviation per walk: in `hybrid`, for one illumination and many walks, in 1 cm of coarse
+/// snow (docs/performance.md), more than in most snow; and an upper bound in the other engines, whose
 /// walks score at most 1.
-const NOISE: [f64; 2] = [0.12, 0.5];
+const NOISE: [f64; 2] = [0.058, 0.5];
+/// Number of walks of `hybrid` at which the variance is twice what [`NOISE`] gives: fewer
+/// walks cover the states of rays less evenly.
+const UNEVEN_WALKS: f64 = 2500.0;
 
 /// The engines that `auto` chooses from, the cheapest first, with their systematic
 /// errors: Delta-E, RMSE in the visible, RMSE in the near infrared.
@@ -119,7 +122,13 @@ impl MaxError {
         let noise = self
             .allowed_noise(errors, wavelengths_nm)
             .unwrap_or(self.rmse);
-        ((NOISE[0] / noise).powi(2).ceil() as u64).next_power_of_two()
+        // noise^2 = NOISE^2 / walks (1 + UNEVEN_WALKS / walks)
+        let half = 0.5 * (NOISE[0] / noise).powi(2);
+        let walks = half + (half * (half + 2.0 * UNEVEN_WALKS)).sqrt();
+        let walks = walks.ceil() as u64;
+        // a round number, at most an eighth more
+        let step = (walks.next_power_of_two() / 16).max(1);
+        walks.div_ceil(step).saturating_mul(step)
     }
 
     /// Noise (RMSE) allowed in addition to the systematic error of an engine;

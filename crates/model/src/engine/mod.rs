@@ -72,21 +72,32 @@ impl Default for Resolution {
 }
 
 impl Resolution {
-    /// The resolution that suits `rays` walks, between the engines' minima and the defaults: about
-    /// `rays` table entries, and kernel events that err less than the walks: 2 `rays`, or 4 `rays`
-    /// up to 2^17. More do not reduce the error (docs/performance.md), and most of the time went
-    /// there: 8 `rays` in a three-layer snowpack, and 2^17 with 2048 walks in any.
+    /// The resolution that suits `rays` walks one by one, between the engines' minima and the
+    /// defaults: about `rays` table entries, and kernel events that err less than the walks: 2 `rays`,
+    /// or 4 `rays` up to 2^17. More do not reduce the error (docs/performance.md).
     #[must_use]
     pub fn for_rays(rays: u64) -> Self {
+        let few = rays.saturating_mul(4).min(1 << 17);
+        Self::of(rays, rays.saturating_mul(2).max(few))
+    }
+
+    /// The resolution that suits `rays` walks of `hybrid`, which have less noise: four times as
+    /// many table entries, and 8 `rays` kernel events.
+    #[must_use]
+    pub fn for_hybrid(rays: u64) -> Self {
+        Self::of(rays.saturating_mul(4), rays.saturating_mul(8))
+    }
+
+    /// Powers of two of at least these numbers, between 2^14 and the defaults.
+    fn of(table: u64, grains: u64) -> Self {
         let default = Self::default();
-        let power_of_two = |n: u64, least: u32, largest: u32| {
-            let clamped = n.clamp(u64::from(least), u64::from(largest));
+        let power_of_two = |n: u64, largest: u32| {
+            let clamped = n.clamp(1 << 14, u64::from(largest));
             clamped.next_power_of_two() as u32
         };
-        let few = power_of_two(rays.saturating_mul(4), 1 << 14, 1 << 17);
         Self {
-            table: power_of_two(rays, 1 << 14, default.table),
-            grains: power_of_two(rays.saturating_mul(2), few, default.grains),
+            table: power_of_two(table, default.table),
+            grains: power_of_two(grains, default.grains),
             ..default
         }
     }
@@ -329,6 +340,15 @@ impl Engine {
         match (self, request.illuminations.first()) {
             (Self::Auto, Some(light)) => auto::choose(request, light).0,
             (engine, _) => engine,
+        }
+    }
+
+    /// The resolution that suits `rays` walks of this engine; `auto` mostly takes `hybrid`.
+    #[must_use]
+    pub fn resolution(self, rays: u64) -> Resolution {
+        match self {
+            Self::Auto | Self::Hybrid => Resolution::for_hybrid(rays),
+            Self::Reference | Self::Spectral | Self::Tabulated => Resolution::for_rays(rays),
         }
     }
 

@@ -34,9 +34,9 @@ impl Spacing {
         deviation: 4e-3,
     };
     /// Number of walks of `hybrid` from which on nodes are [`Self::FINE`].
-    const FINE_WALKS: u64 = 65_536;
+    const FINE_WALKS: u64 = 16_384;
     /// Number of walks whose noise goes with the error of [`Self::FINE`].
-    const EQUAL_WALKS: f64 = 131_072.0;
+    const EQUAL_WALKS: f64 = 65_536.0;
     /// Largest factor of the error of [`Self::FINE`].
     const MOST_ERROR: f64 = 9.0;
 
@@ -220,7 +220,7 @@ mod tests {
         let count = |walks| nodes(&indices, false, Spacing::of_walks(walks)).len();
         // intervals of at most .0135, of twice and of three times that
         let many = nodes(&indices, false, Spacing::FINE).len();
-        assert_eq!([u64::MAX, 65_536].map(count), [many; 2]);
-        assert_eq!([many, count(8192), count(1)], [9, 5, 4]);
+        assert_eq!([u64::MAX, 16_384].map(count), [many; 2]);
+        assert_eq!([many, count(4096), count(1)], [9, 5, 4]);
     }
 }

@@ -7,15 +7,17 @@
 //! rejected as in any walk. An open side is not a plane of the snowpack and rejects no
 //! grains. A slab too thin to have an interior is walked from plane to plane.
 //!
-//! The first grain events of a ray use points of a lattice instead of random numbers (a
-//! Kronecker sequence after Roberts 2018, shifted at random). These cover the unit cube
-//! evenly and so reduce the variance.
+//! Walks past planes at which light is counted go one ray after the other. Their first grain events
+//! use points of a lattice instead of random numbers. All other walks go generation by generation
+//! ([`super::population`]).
 use serde::{Deserialize, Serialize};
 use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, dispatch};
 
 use crate::math::{legendre, set_lanes};
 use crate::rng::Stream;
 use crate::table::follow::Follower;
+use crate::table::lattice::Lattice;
+use crate::table::population::Generations;
 use crate::table::rays::{Ray, Variates};
 use crate::table::step::{Steps, Stuck};
 use crate::table::{Histogram, TableSnowpack};
@@ -98,44 +100,6 @@ impl Scores {
     }
 }
 
-/// Increments of the lattice: powers of 1/phi, where phi is the root of
-/// x^(d+1) = x + 1, in units of 2^-64.
-fn increments(dimensions: usize) -> Vec<u64> {
-    let d = dimensions as f64;
-    let mut phi = 1.5_f64;
-    for _ in 0..64 {
-        phi = libm::pow(1.0 + phi, 1.0 / (d + 1.0));
-    }
-    let increment = |j| (libm::pow(phi, -f64::from(j)) % 1.0 * 18_446_744_073_709_551_616.0) as u64;
-    (1..=dimensions as u32).map(increment).collect()
-}
-
-/// Successive points of the shifted lattice.
-struct Lattice {
-    increment: Vec<u64>,
-    point: Vec<u64>,
-}
-
-impl Lattice {
-    fn new<S: Simd>(dimensions: usize, rng: &mut Stream<S>) -> Self {
-        let random = |_| (rng.uniform().as_array()[0] * 18_446_744_073_709_551_616.0) as u64;
-        Self {
-            increment: increments(dimensions),
-            point: (0..dimensions).map(random).collect(),
-        }
-    }
-
-    /// The coordinates of the next point, in [0, 1).
-    #[inline(always)]
-    fn next(&mut self) -> impl Iterator<Item = f64> {
-        let coordinates = self.point.iter_mut().zip(&self.increment);
-        coordinates.map(|(point, increment)| {
-            *point = point.wrapping_add(*increment);
-            f64::from_bits(*point >> 12 | 0x3ff0_0000_0000_0000) - 1.0
-        })
-    }
-}
-
 impl BoundaryRegion<'_> {
     /// Walks `rays` rays from `source` until they leave. Scores `moments` moments of the
     /// rays that leave downward, and of those that leave upward through an open side.
@@ -149,7 +113,16 @@ impl BoundaryRegion<'_> {
         moments: usize,
         rng: Stream,
     ) -> Result<Scores, WalkError> {
-        dispatch(Walks {
+        if self.planes.is_empty() {
+            return dispatch(Generations {
+                region: self,
+                source,
+                rays,
+                moments,
+                rng,
+            });
+        }
+        dispatch(FollowedWalks {
             region: self,
             source,
             rays,
@@ -165,8 +138,9 @@ fn flight_m<S: Simd>(snowpack: &TableSnowpack, layer: usize, rng: &mut Stream<S>
     snowpack.layers[layer].mean_free_distance_m * rng.exponential().as_array()[0]
 }
 
-/// [`BoundaryRegion::walk`] as a SIMD kernel.
-struct Walks<'a> {
+/// The walks of [`BoundaryRegion::walk`] past planes at which light is counted, one ray after the
+/// other, as a SIMD kernel.
+struct FollowedWalks<'a> {
     region: &'a BoundaryRegion<'a>,
     source: Source,
     rays: u64,
@@ -174,7 +148,7 @@ struct Walks<'a> {
     rng: Stream,
 }
 
-impl SimdKernel for Walks<'_> {
+impl SimdKernel for FollowedWalks<'_> {
     type Output = Result<Scores, WalkError>;
 
     #[inline(always)]

@@ -89,6 +89,12 @@ impl Histogram {
     /// Adds the scores of a ray.
     #[inline(always)]
     pub fn add(&mut self, path: &Path, scores: &[f64]) {
+        self.add_weighted(path, 1.0, scores);
+    }
+
+    /// Adds the scores of `weight` rays with the same path.
+    #[inline(always)]
+    pub fn add_weighted(&mut self, path: &Path, weight: f64, scores: &[f64]) {
         let mut ray_paths = [0.0; MAX_PATHS];
         (ray_paths[0], ray_paths[1]) = (path.ice_m * self.per_m, path.water_m * self.per_m);
         ray_paths[2..].copy_from_slice(&path.impurities);
@@ -108,20 +114,31 @@ impl Histogram {
             self.positions[position] = (self.sums.len() / width) as u32;
         }
         let start = (self.positions[position] as usize - 1) * width;
-        let mut sums = self.sums[start..start + width].iter_mut();
+        let sums = &mut self.sums[start..start + width];
         let paths = &ray_paths[..2 + self.impurities];
-        let mut next = |value: f64| {
-            if let Some(sum) = sums.next() {
-                *sum += value;
+        let (moments, sums) = sums.split_at_mut(moments(paths.len()));
+        if let [ice, water] = paths {
+            let terms = [1.0, *ice, *water, ice * ice, water * water, ice * water];
+            for (sum, term) in moments.iter_mut().zip(terms) {
+                *sum += weight * term;
             }
-        };
-        next(1.0);
-        paths.iter().for_each(|x| next(*x));
-        paths.iter().for_each(|x| next(x * x));
-        for (i, x) in paths.iter().enumerate() {
-            paths[i + 1..].iter().for_each(|y| next(x * y));
+        } else {
+            let mut moments = moments.iter_mut();
+            let mut next = |term: f64| {
+                if let Some(sum) = moments.next() {
+                    *sum += weight * term;
+                }
+            };
+            next(1.0);
+            paths.iter().for_each(|x| next(*x));
+            paths.iter().for_each(|x| next(x * x));
+            for (i, x) in paths.iter().enumerate() {
+                paths[i + 1..].iter().for_each(|y| next(x * y));
+            }
         }
-        scores.iter().for_each(|score| next(*score));
+        for (sum, score) in sums.iter_mut().zip(scores) {
+            *sum += weight * score;
+        }
     }
 
     /// Adds the sums of another histogram of the same kind.

@@ -1,4 +1,5 @@
 //! One step of eight rays: a flight and the grain event or plane at its end.
+use splitsnow_spectra::elementary::exp_neg_single;
 use splitsnow_spectra::simd::{F64x8, Simd};
 
 use crate::math::set_lanes;
@@ -47,6 +48,17 @@ pub(super) struct StepMasks {
     pub(super) rejected: u32,
 }
 
+/// What the next flights of eight rays may do.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Leaving<S: Simd> {
+    /// Chances that they leave the snowpack; 0 where a plane between layers comes first.
+    pub(super) chance: F64x8<S>,
+    /// The lanes whose rays go down.
+    pub(super) down: u32,
+    /// Distances to the planes ahead, m.
+    pub(super) length_m: F64x8<S>,
+}
+
 /// A lane whose grains do not fit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stuck(pub(super) usize);
@@ -85,6 +97,82 @@ impl<'a, S: Simd> Steps<'a, S> {
         self.rays.layer[lane] = self.layer_of(lane);
         self.rejections.as_mut_array()[lane] = 0.0;
         self.cut.as_mut_array()[lane] = 0.0;
+    }
+
+    /// Forgets what happened to the rays that were in the lanes before.
+    #[inline(always)]
+    pub(super) fn forget(&mut self) {
+        self.cut = F64x8::ZERO;
+        self.rejections = F64x8::ZERO;
+        self.events = F64x8::ZERO;
+    }
+
+    /// The flight of the ray of `lane` began at `origin` and has been cut; `medium` is the variate
+    /// of its medium.
+    #[inline(always)]
+    pub(super) fn cut_at(&mut self, lane: usize, origin: &Ray, medium: f64) {
+        self.cut.as_mut_array()[lane] = F64x8::<S>::mask(true);
+        self.origin.set(lane, origin);
+        self.medium.as_mut_array()[lane] = medium;
+    }
+
+    /// The inverse of [`Self::cut_at`], if the flight has been cut.
+    #[inline(always)]
+    pub(super) fn cut_of(&self, lane: usize) -> Option<(Ray, f64)> {
+        let is_cut = self.cut.to_bitmask() >> lane & 1 == 1;
+        is_cut.then(|| (self.origin.get(lane), self.medium.as_array()[lane]))
+    }
+
+    /// What the next flights may do.
+    #[inline(always)]
+    pub(super) fn leaving(&self) -> Leaving<S> {
+        let layers = &self.snowpack.layers;
+        let [top_m, bottom_m] = self.planes();
+        let is_down = self.rays.mu.gt(F64x8::ZERO);
+        let length_m = (is_down.select(bottom_m, top_m) - self.rays.z_m) / self.rays.mu;
+        let down = is_down.to_bitmask();
+        let mut distance_m = F64x8::splat(layers[0].mean_free_distance_m);
+        let mut is_outermost = F64x8::ALL;
+        if layers.len() > 1 {
+            for (lane, layer) in self.rays.layer.iter().enumerate() {
+                distance_m.as_mut_array()[lane] = layers[*layer].mean_free_distance_m;
+                let outermost = match down >> lane & 1 {
+                    1 => layers.len() - 1,
+                    _ => 0,
+                };
+                is_outermost.as_mut_array()[lane] = F64x8::<S>::mask(*layer == outermost);
+            }
+        }
+        let flights = (length_m - self.flown_m) / distance_m;
+        let mut chance = [0.0; 8];
+        for (chance, flights) in chance.iter_mut().zip(flights.as_array()) {
+            *chance = f64::from(exp_neg_single(*flights as f32));
+        }
+        Leaving {
+            chance: F64x8::new(chance) & is_outermost,
+            down,
+            length_m,
+        }
+    }
+
+    /// Moves `rays`, which are in its lanes, by `length_m` through the pores.
+    #[inline(always)]
+    pub(super) fn pass_pores(
+        &self,
+        rays: &mut Rays<S>,
+        variates: &Variates<S>,
+        length_m: F64x8<S>,
+    ) {
+        let layers = &self.snowpack.layers;
+        let mut saturation = F64x8::splat(layers[0].water_saturation);
+        let mut medium = variates.medium;
+        if layers.len() > 1 {
+            medium = self.cut.select(self.medium, medium);
+            for (lane, layer) in rays.layer.iter().enumerate() {
+                saturation.as_mut_array()[lane] = layers[*layer].water_saturation;
+            }
+        }
+        self.snowpack.pass(rays, medium.lt(saturation), length_m);
     }
 
     /// The layer at the depth of the ray of `lane`.
@@ -207,7 +295,7 @@ impl<'a, S: Simd> Steps<'a, S> {
             let plane_m = down.select(bottom_m, top_m);
             let to_plane_m = (plane_m - self.rays.z_m) / self.rays.mu;
             let length_m = met.select(flight.length_m, to_plane_m & (out | crossed));
-            self.snowpack.pass(&mut self.rays, &flight, length_m);
+            self.snowpack.pass(&mut self.rays, flight.wet, length_m);
         }
         if self.follows {
             self.contact_m = flight.end_m;

@@ -25,7 +25,7 @@ pub(in crate::engine) struct Walks {
 type SnowpackAverages = Vec<Vec<[Arc<Averages>; 2]>>;
 
 /// Most walks with one random stream; they take some seconds.
-const BATCH: u64 = 1 << 20;
+const BATCH: u64 = 1 << 17;
 
 /// Name of a unit of `run`. It contains the tasks because a job may run several
 /// requests with the same cell.
