@@ -68,7 +68,7 @@ export async function answered(page: Page): Promise<void> {
 /// Waits until the finest simulation is shown.
 export async function settled(page: Page): Promise<void> {
   await page.waitForFunction(
-    () => /131.072 walks/.test(document.getElementById("status")?.textContent ?? "") && document.getElementById("results")?.getAttribute("aria-busy") === "false",
+    () => /32.768 walks/.test(document.getElementById("status")?.textContent ?? "") && document.getElementById("results")?.getAttribute("aria-busy") === "false",
     null,
     { timeout: 200_000 },
   );

@@ -216,7 +216,7 @@ describe("in the browser", () => {
   test("a look-up stands beside a simulation of the same snow", async () => {
     await page.getByRole("button", { name: "Simulate here" }).click();
     await page.waitForFunction(
-      () => /^131.072 walks .* engine/.test(document.querySelector(".simulate .note")?.textContent ?? ""),
+      () => /^32.768 walks .* engine/.test(document.querySelector(".simulate .note")?.textContent ?? ""),
       null,
       { timeout: 200_000 },
     );
