@@ -282,7 +282,12 @@ def test_the_table_reproduces_the_database(quick, tailored):
         wanted = database.transmittance(*parameters, thickness_cm, angle_deg, wavelengths_nm=nm)
         significant = wanted > 1e-4
         assert significant.mean() > 0.3
-        assert np.abs(found / wanted - 1)[significant].max() < 2e-4
+        error = np.abs(found / wanted - 1)
+        known = thickness_cm <= database.axes["thickness_cm"][-1]
+        assert error[known][significant[known]].max() < 2e-4
+        # Deeper, look-ups go on with the decay at each angle, which noise makes differ. Between
+        # angles they are then no longer linear in the logarithm, as the table is.
+        assert error[significant].max() < 2e-3
         use("llvm_ad_rgb")
         look_up = LookUp(mi, dr, Table.colour(material, None))
         arguments = (mi.Float(thickness_cm), mi.Float(np.cos(np.radians(angle_deg))))
