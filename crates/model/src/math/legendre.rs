@@ -64,4 +64,17 @@ mod tests {
             assert!((p - e).abs() < 1e-15, "{p} {e}");
         }
     }
+
+    #[test]
+    fn eight_at_once_are_those_one_by_one() {
+        use splitsnow_spectra::simd::Portable;
+        let x = [-1.0, -0.7, -0.1, 0.0, 0.2, 0.5, 0.9, 1.0];
+        let mut lanes = [F64x8::<Portable>::ZERO; 40];
+        legendre_lanes(F64x8::new(x), &mut lanes);
+        for (lane, x) in x.into_iter().enumerate() {
+            let mut values = [0.0; 40];
+            legendre(x, &mut values);
+            assert_eq!(lanes.map(|p| p.as_array()[lane]), values, "{x}");
+        }
+    }
 }

@@ -179,11 +179,11 @@ impl SimdKernel for FollowedWalks<'_> {
             crossings: Vec::new(),
             rays,
         };
-        let mut follower = (!planes.is_empty()).then(|| Follower::new(planes, snowpack));
+        let mut follower = Follower::new(planes, snowpack);
         let (one, zero) = (F64x8::<S>::ONE, F64x8::ZERO);
         let last = snowpack.layers.len() - 1;
         let mut steps = Steps::new(snowpack, open);
-        steps.follows = follower.is_some();
+        steps.follows = true;
         let mut queue: [[F64x8<S>; LATTICE_EVENTS]; 4] = [[zero; LATTICE_EVENTS]; 4];
         let mut queued = zero;
         let mut started = 0;
@@ -228,13 +228,11 @@ impl SimdKernel for FollowedWalks<'_> {
                 };
                 steps.start(lane, &ray, thickness_m);
                 steps.flown_m.as_mut_array()[lane] = behind_m;
-                if let Some(follower) = &mut follower {
-                    follower.start(lane, source != Source::Diffuse);
-                }
+                follower.start(lane, source != Source::Diffuse);
                 started += 1;
             }
             if walking == 0 {
-                scores.crossings = follower.map_or_else(Vec::new, Follower::into_crossings);
+                scores.crossings = follower.into_crossings();
                 return Ok(scores);
             }
             let mut variates = Variates::draw(snowpack.wet, &mut rng);
@@ -251,13 +249,11 @@ impl SimdKernel for FollowedWalks<'_> {
                 }
                 queued -= one & on_lattice;
             }
-            let before = follower.is_some().then_some(steps.rays);
+            let before = steps.rays;
             let stepped = steps
                 .step(&mut variates, walking, |_, _, _| {})
                 .map_err(|Stuck(_)| WalkError::TooThin { thickness_m })?;
-            if let Some((follower, before)) = follower.as_mut().zip(before) {
-                follower.step(&before, &steps, &stepped, walking);
-            }
+            follower.step(&before, &steps, &stepped, walking);
             let (mut up, mut down) = (stepped.above, stepped.below);
             let rays = &steps.rays;
             if open_above {

@@ -68,3 +68,36 @@ impl Lattice {
         F64x8::new(lanes)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use splitsnow_spectra::simd::Portable;
+
+    use super::*;
+    use crate::rng::Key;
+
+    #[test]
+    fn points_cover_intervals_evenly_and_eight_at_once_are_those_one_by_one() {
+        let mut rng = Stream::new(Key {
+            seed: 1,
+            cell: 0,
+            purpose: [0; 3],
+            batch: 0,
+        });
+        let mut lattice = Lattice::new(3, &mut rng);
+        let points = 1024;
+        let eights: Vec<f64> = (0..points)
+            .step_by(8)
+            .flat_map(|first| lattice.eight::<Portable>(0, first).to_array())
+            .collect();
+        // number `first` is the shift itself, which `next` steps over
+        let one_by_one: Vec<f64> = (1..points).filter_map(|_| lattice.next().next()).collect();
+        assert_eq!(eights[1..], one_by_one);
+        // of random points, a tenth would hold 102 +- 10
+        for tenth in 0..10 {
+            let inside = |u: &&f64| (**u * 10.0) as usize == tenth;
+            let count = eights.iter().filter(inside).count();
+            assert!(count.abs_diff(102) <= 4, "{tenth}: {count}");
+        }
+    }
+}

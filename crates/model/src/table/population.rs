@@ -1,15 +1,19 @@
-//! Walks of many rays, generation by generation, with little noise.
+//! Walks of many rays next to a boundary, generation by generation: the scores of
+//! [`BoundaryRegion::walk`], with less variance than walks one by one.
 //!
-//! Two methods reduce the variance and leave the mean as it is:
+//! Two methods of variance reduction leave the mean as it is:
 //!
-//! - **Forced flights.** A ray scores the chance p that its next flight leaves the region, and
-//!   flies on inside with 1 - p of its weight. Rays of little weight are replaced by fewer
-//!   of the same total weight, a systematic sample.
+//! - **Forced collisions.** A ray scores the probability p that its next flight leaves the region, and
+//!   collides inside with 1 - p of its weight. Russian roulette by systematic sampling
+//!   replaces rays of little weight by fewer with the same total weight.
 //! - **Sorted rays.** Each generation is sorted by direction and depth. The variates of
-//!   neighbours are successive points of a lattice, so rays in like states have variates that are
+//!   neighbours are successive points of a lattice, so rays in similar states have variates that are
 //!   spread evenly (array-RQMC: L'Ecuyer, Lecot and Tuffin, Oper. Res. 56(4), 2008).
 //!
-//! The weights of the rays that leave, with those lost in grains, sum to the number of rays.
+//! Lengths are in metres. A weight is a number of rays: the weights of the rays that leave, with
+//! those lost in grains, sum to the number of rays, to rounding. Rays of one walk depend on each
+//! other, so standard errors need independent walks. Light is not counted at planes inside the
+//! region; [`super::boundary`] does that.
 use splitsnow_spectra::simd::{F64x8, Simd, SimdKernel, U64x8};
 
 use super::boundary::{BoundaryRegion, Edge, Scores, Source};
@@ -21,11 +25,11 @@ use crate::table::step::{Leaving, Steps, Stuck};
 use crate::table::{Histogram, TableSnowpack};
 use crate::transport::{REJECTION_LIMIT, WalkError};
 
-/// Rays of less weight, relative to that at the start, are replaced.
-const LIGHT: f64 = 0.5;
-/// So few rays walk on without forced flights, so that they leave.
+/// Rays of less weight, relative to that at the start, undergo Russian roulette.
+const ROULETTE_WEIGHT: f64 = 0.5;
+/// So few rays walk on without forced collisions, so that they leave.
 const FEW: usize = 8;
-/// Flights are not forced where the chance of leaving is less: it costs more than it gains.
+/// Collisions are not forced where leaving is less probable: that costs more than it gains.
 const LEAST_CHANCE: f64 = 0.05;
 /// Binary logarithm of the largest number of classes of directions, and of depths.
 const MOST_CLASS_BITS: u32 = 7;
@@ -253,10 +257,10 @@ impl Sorter {
         }
     }
 
-    /// Replaces the rays of little weight by fewer of the same total weight.
+    /// Russian roulette: replaces rays of little weight by fewer of the same total weight.
     fn thin<S: Simd>(&mut self, weights: &mut [f64], rng: &mut Stream<S>) {
         let (mut count, mut total) = (0_usize, 0.0);
-        for weight in weights.iter().filter(|weight| **weight < LIGHT) {
+        for weight in weights.iter().filter(|weight| **weight < ROULETTE_WEIGHT) {
             count += 1;
             total += weight;
         }
@@ -269,7 +273,7 @@ impl Sorter {
         let mut passed = rng.uniform().as_array()[0];
         self.order.retain(|i| {
             let weight = &mut weights[*i as usize];
-            if *weight >= LIGHT {
+            if *weight >= ROULETTE_WEIGHT {
                 return true;
             }
             passed += *weight * per_weight;
@@ -480,5 +484,83 @@ impl Generations<'_> {
             state.layer = if from_below { last } else { 0 };
         }
         (rays, flown_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitsnow_spectra::simd::Portable;
+
+    use super::*;
+    use crate::rng::Key;
+
+    #[test]
+    fn sorted_rays_are_in_order_of_their_classes() {
+        let mut sorter = Sorter::default();
+        sorter.start(20);
+        let classes = [9, 3, 3, 12, 0, 9, 3];
+        sorter.sort(&classes);
+        // rays of one class stay in their order
+        assert_eq!(sorter.order, [4, 1, 2, 6, 0, 5, 3]);
+    }
+
+    #[test]
+    fn neighbouring_classes_are_neighbours_in_depth() {
+        let mut sorter = Sorter::default();
+        sorter.start(16);
+        assert_eq!(sorter.class_bits, 2);
+        // the deepest ray of a strip of directions, and that of the next strip
+        let depths = F64x8::<Portable>::new([0.0, 0.3, 0.7, 1.0, 1.0, 0.7, 0.3, 0.0]);
+        let (up, less_up) = (-1.0, -1.0 / 3.0);
+        let mu = F64x8::new([up, up, up, up, less_up, less_up, less_up, less_up]);
+        let classes = sorter.classes(depths, mu);
+        assert_eq!(classes.to_array(), [0, 1, 2, 3, 4, 5, 6, 7]);
+        // beyond the region as at its planes
+        let outside = F64x8::<Portable>::new([-2.0, 0.0, 3.0, 1.0, 0.0, 0.0, 0.0, 0.0]);
+        let classes = sorter.classes(outside, F64x8::splat(up));
+        assert_eq!(classes.to_array()[..4], [0, 0, 3, 3]);
+    }
+
+    #[test]
+    fn roulette_keeps_the_total_weight() {
+        let mut rng = Stream::new(Key {
+            seed: 1,
+            cell: 0,
+            purpose: [0; 3],
+            batch: 0,
+        });
+        for count in [1_u32, 2, 7, 1000] {
+            let start: Vec<f64> = (0..count)
+                .map(|i| match i % 4 {
+                    0 => 0.75,
+                    n => 0.1 * f64::from(n),
+                })
+                .collect();
+            let mut weights = start.clone();
+            let mut sorter = Sorter {
+                order: (0..count).collect(),
+                ..Sorter::default()
+            };
+            sorter.thin(&mut weights, &mut rng);
+            let kept = || sorter.order.iter().map(|i| weights[*i as usize]);
+            let total: f64 = start.iter().sum();
+            // each of `count` additions rounds by half a unit in the last place of the sum
+            let rounding = f64::from(count) * total * f64::EPSILON;
+            let difference = kept().sum::<f64>() - total;
+            assert!(difference.abs() <= rounding, "{count}: {difference}");
+            // a ray that was heavy enough keeps its weight
+            let heavy = |i: &&u32| start[**i as usize] >= ROULETTE_WEIGHT;
+            assert!(
+                sorter
+                    .order
+                    .iter()
+                    .filter(heavy)
+                    .all(|i| weights[*i as usize] == 0.75)
+            );
+            assert_eq!(
+                sorter.order.iter().filter(heavy).count(),
+                count.div_ceil(4) as usize
+            );
+        }
     }
 }
